@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from ss2sql.frontend.syntax.parser import FORMAT, TABLE, hash_grammar, read_grammar
+from ss2sql.frontend.syntax.parser import GRAMMAR, TABLE
 
 
 def write_parse_table() -> None:
@@ -23,7 +23,7 @@ def build_parse_table() -> dict[str, Any]:
     from lark.grammar import Rule as LarkRule
     from lark.lexer import TerminalDef
 
-    compiled = lark.Lark(read_grammar(), parser="lalr", start="script", maybe_placeholders=False)
+    compiled = lark.Lark(GRAMMAR.read_text("utf-8"), parser="lalr", start="script", maybe_placeholders=False)
     data, memo = compiled.memo_serialize([TerminalDef, LarkRule])
     table = data["parser"]["parser"]
     words = {d["name"]: d["pattern"]["value"].upper() for d in memo.values() if d["__type__"] == "TerminalDef"}
@@ -37,9 +37,7 @@ def build_parse_table() -> dict[str, Any]:
         {symbol: ~rule_index[target["@"]] if reduces else order[target] for symbol, (reduces, target) in row.items()}
         for row in (actions[state] for state in order)
     ]
-    return _pack_parse_table(rows, rules, order[table["end_states"]["script"]]) | {
-        "format": FORMAT, "grammar": hash_grammar(), "lark": lark.__version__,
-    }  # fmt: skip
+    return _pack_parse_table(rows, rules, order[table["end_states"]["script"]])
 
 
 def _number_parser_states(actions: Mapping[int, Mapping[str, tuple[int, Any]]], start: int) -> dict[int, int]:

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zlib import crc32
 
 from ss2sql.errors import ParseError, Source, Span, combine_errors
 from ss2sql.fast_dataclasses import dataclass
@@ -140,11 +139,10 @@ def find_resume_point(failure: ParseFailure) -> int:
 
 
 # --- the table of the automaton
-# Reading the file takes a tenth of the time that lark needs to build its parser, without importing lark. The file has a
-# fingerprint of its grammar; when the grammar has changed since, the table is built anew in memory.
+# Reading the file takes a tenth of the time that lark needs to build its parser, without importing lark. Who changes
+# the grammar writes it anew by `parse_table`; a test compares them.
 GRAMMAR = Path(__file__).with_name("grammar.lark")
 TABLE = GRAMMAR.with_name("grammar_table.json")
-FORMAT = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,14 +173,8 @@ class Table:
 @cache
 def load_parse_table() -> Table:
     """The table of the installed grammar; the first call reads it."""
-    try:
-        data = json.loads(_read_grammar_file(TABLE))
-    except OSError:
-        data = {}
-    if data.get("format") != FORMAT or data.get("grammar") != hash_grammar():
-        from ss2sql.frontend.syntax.parse_table import build_parse_table
-
-        data = build_parse_table()
+    # It may lie in a zip file; importlib.resources would take 6 ms to load.
+    data = json.loads(__loader__.get_data(str(TABLE)))  # type: ignore[name-defined]
     symbols = data["symbols"]
     rows = [
         dict(zip(map(symbols.__getitem__, found), targets, strict=True))
@@ -190,17 +182,3 @@ def load_parse_table() -> Table:
     ]
     rules = tuple(Rule(symbols[origin], size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
     return Table(tuple(map(rows.__getitem__, data["states"])), rules, data["start"], data["end"])
-
-
-def _read_grammar_file(file: Path) -> bytes:
-    """A file of the package, also from a zip file; importlib.resources would take 6 ms to load."""
-    content: bytes = __loader__.get_data(str(file))  # type: ignore[name-defined]
-    return content
-
-
-def read_grammar() -> str:
-    return _read_grammar_file(GRAMMAR).decode().replace("\r\n", "\n")
-
-
-def hash_grammar() -> int:
-    return crc32(read_grammar().encode())
