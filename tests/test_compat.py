@@ -10,7 +10,6 @@ from sqlglot.generator import Generator
 
 import ss2sql
 import ss2sql.compat
-from ss2sql.cli.output import Count
 from ss2sql.lowering.sql_builder import SQLITE, _build_dialect_class
 
 # As printed, but for the first line, which was: import SelectScript, SelectScript.Interpreter
@@ -109,7 +108,3 @@ def test_sql_is_the_same_whichever_sqlglot_prints_it(monkeypatch: pytest.MonkeyP
         assert " ".join(SQLITE.print_tree(tree).split()) == "WITH t(a) AS ( SELECT 1 ) SELECT a IS NULL IS NOT b FROM t"
     finally:
         _build_dialect_class.cache_clear()
-
-
-def test_the_command_line_needs_no_new_click() -> None:
-    assert "__orig_bases__" not in vars(Count)  # before 8.4 a ParamType takes no parameter

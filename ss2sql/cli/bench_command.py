@@ -32,7 +32,7 @@ ENGINES = {"all": ("database", "native"), "database": ("database",), "native": (
 
 
 def _read_strategy(text: str) -> str:
-    """Options of CONNECT BY, or `all`. Raises ValueError."""
+    """Options of CONNECT BY, or `all`. Raises click.BadParameter."""
     if text.lower() == ALL:
         return ALL
     from ss2sql.bench import parse_strategy
@@ -40,7 +40,7 @@ def _read_strategy(text: str) -> str:
     try:
         parse_strategy(text, ())
     except Error as error:
-        raise ValueError(f"{text!r}: {error.message}") from error
+        raise click.BadParameter(f"{text!r}: {error.message}") from error
     return text
 
 

@@ -234,10 +234,10 @@ FILE_WIDE = 120  # characters of a table in a file
 
 
 def read_count(value: Any) -> int:
-    """A number of rows, or `all`. Raises ValueError."""
+    """A number of rows, or `all`. Raises click.BadParameter."""
     text = str(value).lower()
     if text != "all" and not text.isdecimal():
-        raise ValueError(f"{value!r} is neither a number of rows nor 'all'.")
+        raise click.BadParameter(f"{value!r} is neither a number of rows nor 'all'.")
     return sys.maxsize if text == "all" else int(text)
 
 
