@@ -8,6 +8,7 @@ crash leaves whole states behind. The statements call no SQL function but json_e
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -40,6 +41,7 @@ _encode = json.JSONEncoder(
     ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_thaw_stored_value
 ).encode
 _decode = json.JSONDecoder().decode
+_NO_VALUE = re.compile(r"\d{19}|NaN|Infinity")  # what may be one: integers beyond 64 bits, and what JSON must not have
 
 
 def encode_values_as_json(value: Any) -> str:
@@ -74,7 +76,10 @@ def encode_calls(calls: Calls) -> str:
 def decode_calls(text: str) -> Calls:
     """Calls from their JSON. Raises ValueError for a text of another program that is none."""
     try:
-        return {(function, arguments): value for function, arguments, value in convert_value(_decode(text), "a text")}
+        calls = _decode(text)
+        if _NO_VALUE.search(text):  # all else that JSON has are values: to look at them takes as long as to read them
+            calls = convert_value(calls, "a text")
+        return {(function, arguments): value for function, arguments, value in calls}
     except (TypeError, RecursionError) as error:
         raise ValueError(f"they hold no calls: {error}") from None
     except ExecutionError as error:
