@@ -198,9 +198,9 @@ class RangeIndex:
         if order is None:
             return self.rows
         start, end = order.find_bounds(operators, values)
-        return (
-            self.rows[start:end] if order.ascends else [self.rows[place] for place in sorted(order.places[start:end])]
-        )
+        if order.ascends:
+            return self.rows[start:end]
+        return [self.rows[place] for place in sorted(order.places[start:end])]
 
     def find_rows_in_order(
         self, asked: RowOrder, descending: bool, operators: Sequence[str], values: Sequence[Any]

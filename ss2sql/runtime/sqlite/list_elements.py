@@ -348,13 +348,15 @@ class _Cursor:
         self.columns: Any = NOTHING.columns
         self.position = 0
         self.length = 0
+        self.places: Sequence[int] | None = None  # of the rows in the value, where some are chosen
 
     def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
         walked = self.module.walk(self.module.name, arguments)
-        self.position, self.length = 0, walked.length
+        self.position, self.length, self.places = 0, walked.length, None
         asked = self.module.requests[number].range
         if asked is not None:
             walked, self.position, self.length = asked.choose_rows(walked, arguments[-len(asked.operators) :])
+            self.places = walked.places if isinstance(walked, ChosenElements) else None
         self.walked, self.columns = walked, walked.columns
 
     def Eof(self) -> bool:  # noqa: N802
@@ -367,7 +369,7 @@ class _Cursor:
         return column[self.position]
 
     def Rowid(self) -> int:  # noqa: N802
-        return int(self.walked.read_column(-1)[self.position])
+        return self.position if self.places is None else self.places[self.position]
 
     def Next(self) -> None:  # noqa: N802
         self.position += 1
