@@ -305,10 +305,10 @@ class JoinBuilder:
             before = [self.selects.expressions.lower_condition(part, self.scope) for part in free]
             node = sql_builder.case_in_order([*before, node])
         elif isinstance(node, (exp.LT, exp.LTE, exp.GT, exp.GTE)):
-            # Nor is a range of a list to be looked up by what may fail before other conditions are asked.
+            # Nor is a range of a list to be looked up by what may fail before other conditions are evaluated.
             for side in (node.this, node.expression):
                 if isinstance(side, exp.Column):
-                    side.replace(sql_builder.WithoutAffinity(this=side.copy()))
+                    sql_builder.drop_affinity(side)
         # What can fail calls a function, so that SQLite never evaluates it before the first source is read. Only the
         # other side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
         indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery)

@@ -28,6 +28,11 @@ class WithoutAffinity(exp.Unary):
     """`+column`: the value without the affinity of its column. The dialect of SQLite prints it."""
 
 
+def drop_affinity(column: exp.Expr) -> None:
+    """Puts `+column` in the place of a column."""
+    column.replace(WithoutAffinity(this=column.copy()))
+
+
 def identifier(name: str) -> exp.Identifier:
     """A name, quoted where SQLite would take it for something else."""
     plain = _PLAIN_NAME.match(name) and name.upper() not in _WORDS

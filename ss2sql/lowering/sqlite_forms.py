@@ -29,7 +29,7 @@ from ss2sql.language.operations import GROUPS, OPERATIONS, Check, Form
 from ss2sql.language.operations.operation import find_sql_class
 from ss2sql.language.plan_traversal import is_volatile, list_plan_choices
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.sql_builder import Node, WithoutAffinity
+from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS
 
 if TYPE_CHECKING:
@@ -302,7 +302,7 @@ def strip_numeric_affinity(tree: Node, tables: Iterable[plan.TableSource]) -> No
             if column is None or column.name not in names:
                 continue
             if not all(other is side or _is_text_beside_numbers(other) for other in sides):
-                column.replace(WithoutAffinity(this=column.copy()))
+                sql_builder.drop_affinity(column)
 
 
 def _get_column(node: Node) -> exp.Column | None:

@@ -293,7 +293,7 @@ def strip_affinity(conditions: list[Node], label: str, tables: Collection[str]) 
             and isinstance(other, exp.Column)
             and other.table in tables
         ):
-            other.replace(sql_builder.WithoutAffinity(this=other.copy()))
+            sql_builder.drop_affinity(other)
 
 
 def find_equality_columns(conditions: Iterable[Node]) -> set[tuple[str, str, frozenset[str]]]:

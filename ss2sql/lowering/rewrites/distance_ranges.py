@@ -24,7 +24,13 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import can_fail, list_sources, split_and, walk
-from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, make_call, make_constant, rewrite_bottom_up
+from ss2sql.lowering.rewrites.rewrite_context import (
+    RewriteContext,
+    list_items,
+    make_call,
+    make_constant,
+    rewrite_bottom_up,
+)
 
 # So much wider is the box: more than what floats lose between the distance and the ends of the box. It can be a factor,
 # for where a float ends a range, rounding the end never leaves the float outside.
@@ -137,16 +143,9 @@ def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
     positions = expr.type.positions
     if not expr.type.is_only(Kind.LIST) or positions is None or len(positions) not in (2, 3):
         return ()
-    match expr:
-        case plan.MakeList(items=items):
-            return items
-        case plan.Constant(value=list() as values):
-            return tuple(make_constant(value, expr.span) for value in values)
-        case _:
-            return tuple(
-                make_call("item", expr, make_constant(index, expr.span), span=expr.span)
-                for index in range(len(positions))
-            )
+    return list_items(expr) or tuple(
+        make_call("item", expr, make_constant(index, expr.span), span=expr.span) for index in range(len(positions))
+    )
 
 
 def _is_distance_to_rewrite(expr: plan.Expr) -> bool:

@@ -27,9 +27,9 @@ from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
     PLAIN_READS,
     RewriteContext,
+    list_items,
     make_call,
     make_connective,
-    make_constant,
     negate_expression,
     rewrite_bottom_up,
     rewrite_to_bool,
@@ -62,7 +62,7 @@ def _rewrite_node(node: Any) -> Any:
 
 def _split_list_equality(left: plan.Expr, right: plan.Expr) -> plan.Expr | None:
     """`x == a AND y == b` for two lists of as many expressions, where one of these can be looked up."""
-    ours, others = _list_items(left), _list_items(right)
+    ours, others = list_items(left), list_items(right)
     if len(ours) != len(others) or not any(map(_can_look_up, (*ours, *others))):
         return None
     parts = [
@@ -86,17 +86,7 @@ def _split_list_membership(left: plan.Expr, right: plan.Expr) -> plan.Expr | Non
 
 def _can_look_up(item: plan.Expr) -> bool:
     """Whether an expression, or an item of a list, reads a source and no state."""
-    return any(map(_can_look_up, _list_items(item))) or bool(list_sources(item) and not list_states(item))
-
-
-def _list_items(expr: plan.Expr) -> tuple[plan.Expr, ...]:
-    match expr:
-        case plan.MakeList(items=items):
-            return items
-        case plan.Constant(value=list() as values):
-            return tuple(make_constant(value, expr.span) for value in values)
-        case _:
-            return ()
+    return any(map(_can_look_up, list_items(item))) or bool(list_sources(item) and not list_states(item))
 
 
 def _replace_condition(node: Any, name: str, condition: plan.Expr) -> Any:

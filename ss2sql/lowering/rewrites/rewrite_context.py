@@ -53,6 +53,17 @@ def make_constant(value: Any, span: Span) -> plan.Constant:
     return plan.Constant(value, type_of(value), span=span)
 
 
+def list_items(expr: plan.Expr) -> tuple[plan.Expr, ...]:
+    """The items of a list that is written as one or is a constant; none of any other expression."""
+    match expr:
+        case plan.MakeList(items=items):
+            return items
+        case plan.Constant(value=list() as values):
+            return tuple(make_constant(value, expr.span) for value in values)
+        case _:
+            return ()
+
+
 def is_folded_true(node: plan.Constant) -> bool:
     return get_truth(node.value)
 
