@@ -19,12 +19,13 @@ from ss2sql.errors import Error, ExecutionError, Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.conversion import format_value
-from ss2sql.language.values import State, thaw_value
+from ss2sql.language.values import State, copy_for_python, thaw_value
 from ss2sql.runtime.graph_cache.fingerprint import GraphIdentity, identify_graph, list_step_variables
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 from ss2sql.runtime.graph_cache.graph_store import (
     Calls,
     GraphStore,
+    add_calls,
     build_damaged_graph_error,
     decode_calls,
     encode_calls,
@@ -67,7 +68,7 @@ class CachedState:
     values: State
     text: str
     steps: str | None = None
-    calls: str = "[]"
+    calls: str = "{}"
     length: int = 0
     loaded: bool = False
 
@@ -99,33 +100,32 @@ class CachedSteps(Notes):
     def make_call(self, function: UserFunction, real: Callable[[Any], Any], arguments: Iterable[Any]) -> Any:
         """What a call gives, which is made where that is not known."""
         arguments = tuple(arguments)
-        call = self._describe_call(function, arguments)
-        if call in self._known:
-            return self._known[call]
-        value = real(arguments)
-        self._note_value(call, value)
+        name, text = self._describe_call(function, arguments)
+        known = self._known.get(name)
+        if known is not None and text in known:
+            return known[text]
+        value = real(map(copy_for_python, arguments) if function.changes else arguments)
+        self._note_value(name, text, value)
         return value
 
     def note_call(self, function: UserFunction, arguments: tuple[Any, ...], value: Any) -> None:
         """Takes note of a call that another process has made."""
-        self._note_value(self._describe_call(function, arguments), value)
+        self._note_value(*self._describe_call(function, arguments), value)
 
-    def _note_value(self, call: tuple[str, str] | None, value: Any) -> None:
-        if call is not None:
-            self._made[call] = value
+    def _note_value(self, name: str, text: str, value: Any) -> None:
+        if name:
+            self._made.setdefault(name, {})[text] = value
 
-    def _describe_call(self, function: UserFunction, arguments: tuple[Any, ...]) -> tuple[str, str] | None:
-        """The function with its hash, and its arguments as Python writes them; None for a call with other objects."""
-        name = self.identity.functions.get(function.name)
-        if name is None:
-            return None
+    def _describe_call(self, function: UserFunction, arguments: tuple[Any, ...]) -> tuple[str, str]:
+        """The function with its hash, and its arguments as Python writes them; none for a call with other objects."""
+        name = self.identity.functions.get(function.name, "")
         try:
             dumps(arguments, 2)
         except ValueError:
             try:
-                return (name, repr(replace_world_elements(arguments))) if function.of_world else None
+                return (name, repr(replace_world_elements(arguments))) if function.of_world else ("", "")
             except NotImplementedError:
-                return None
+                return "", ""
         return name, repr(arguments)
 
     # --- levels ----------------------------------------------------------------------------------------
@@ -168,11 +168,11 @@ class CachedSteps(Notes):
         new = [text for text in dict.fromkeys(texts) if text not in held]
         known = {} if self._number is None else self.store.read_states(self._number, new)
         for _, calls in known.values():
-            self._known |= decode_calls(calls)
+            add_calls(self._known, decode_calls(calls))
         for text, state in zip(texts, states, strict=True):
             if text not in held:
                 loaded = text in known and text not in self._own
-                steps, calls = known.get(text, (None, "[]"))
+                steps, calls = known.get(text, (None, "{}"))
                 held[text] = CachedState(tuple(map(thaw_value, state)), text, steps, calls, loaded=loaded)
         return list(map(held.__getitem__, texts))
 
@@ -223,7 +223,9 @@ class CachedSteps(Notes):
             rows = [(self.noted.row(note), self.noted.after(note, state.values)) for note, _ in pairs]
             steps = encode_values_as_json(tuple(rows))
             if made:
-                state.calls = encode_calls(decode_calls(state.calls) | made)
+                calls = decode_calls(state.calls)
+                add_calls(calls, made)
+                state.calls = encode_calls(calls)
             if made or steps != state.steps:
                 state.steps, state.length = steps, len(pairs)
                 if self.store.writable:

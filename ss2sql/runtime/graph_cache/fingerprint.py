@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ss2sql.vtables.attached_worlds import AttachedWorld
 
 
-FORMAT = 1  # another one makes other graphs of everything
+FORMAT = 2  # another one makes other graphs of everything
 
 
 @dataclass(frozen=True, slots=True)

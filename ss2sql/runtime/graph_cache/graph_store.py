@@ -8,10 +8,9 @@ crash leaves whole states behind. The statements call no SQL function but json_e
 from __future__ import annotations
 
 import json
-import re
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import field
 from marshal import dumps
 from typing import Any, TypeAlias
@@ -40,8 +39,15 @@ def _thaw_stored_value(value: Any) -> Any:
 _encode = json.JSONEncoder(
     ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_thaw_stored_value
 ).encode
-_decode = json.JSONDecoder().decode
-_NO_VALUE = re.compile(r"\d{19}|NaN|Infinity")  # what may be one: integers beyond 64 bits, and what JSON must not have
+
+
+def _refuse_constant(text: str) -> Any:
+    raise ValueError(f"{text} is no value")
+
+
+_decode = json.JSONDecoder(parse_constant=_refuse_constant).decode
+# An integer beyond 64 bits has as many digits at least. To look for them so takes a tenth of the time of a pattern.
+_LONG_NUMBER, _ALL_NINES = b"9" * 19, bytes.maketrans(b"012345678", b"999999999")
 
 
 def encode_values_as_json(value: Any) -> str:
@@ -60,30 +66,45 @@ def encode_values_as_json(value: Any) -> str:
     return text
 
 
-# Calls of functions by a name that tells a function from others and its arguments as text: what they gave.
-Calls: TypeAlias = dict[tuple[str, str], Any]
+# What calls of functions gave: by a name that tells a function from others, then by their arguments as text.
+Calls: TypeAlias = dict[str, dict[str, Any]]
+
+
+def add_calls(calls: Calls, more: Calls) -> None:
+    """Adds more calls to these."""
+    for name, values in more.items():
+        calls.setdefault(name, {}).update(values)
 
 
 def encode_calls(calls: Calls) -> str:
     """Calls as JSON, without those whose values JSON would not give back."""
-    texts = []
-    for call, value in calls.items():
-        with suppress(NotCacheable):
-            texts.append(encode_values_as_json((*call, value)))
-    return f"[{','.join(texts)}]"
+    try:
+        encode_values_as_json(tuple(value for values in calls.values() for value in values.values()))
+    except NotCacheable:
+        calls = {name: dict(filter(_is_call_encodable, values.items())) for name, values in calls.items()}
+    return _encode(calls)
+
+
+def _is_call_encodable(call: tuple[str, Any]) -> bool:
+    try:
+        return bool(encode_values_as_json(call))
+    except NotCacheable:
+        return False
 
 
 def decode_calls(text: str) -> Calls:
     """Calls from their JSON. Raises ValueError for a text of another program that is none."""
     try:
         calls = _decode(text)
-        if _NO_VALUE.search(text):  # all else that JSON has are values: to look at them takes as long as to read them
+        if _LONG_NUMBER in text.encode().translate(_ALL_NINES):  # all else are values: to look takes as long as to read
             calls = convert_value(calls, "a text")
-        return {(function, arguments): value for function, arguments, value in calls}
-    except (TypeError, RecursionError) as error:
+        if not all(type(values) is dict for values in calls.values()):
+            raise TypeError(text)
+    except (TypeError, AttributeError, RecursionError) as error:
         raise ValueError(f"they hold no calls: {error}") from None
     except ExecutionError as error:
         raise ValueError(error.message) from None
+    return calls
 
 
 TABLES = {
@@ -104,7 +125,7 @@ TABLES = {
         state TEXT NOT NULL,        -- JSON: the values of the START WITH variables
         length INTEGER NOT NULL,    -- how many steps there are
         steps TEXT NOT NULL,        -- JSON, in the order of FROM: [row, next state]
-        calls TEXT NOT NULL,        -- JSON: [function and its hash, arguments, value], those that the steps needed
+        calls TEXT NOT NULL,        -- JSON: {function and its hash: {arguments: value}}, those that the steps needed
         PRIMARY KEY (graph, state)
     """,
 }

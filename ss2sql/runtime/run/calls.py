@@ -406,7 +406,7 @@ class MemoizedCalls:
             if type(arguments[-1]) is not list and are_call_arguments_plain(arguments):
                 return keep_value(key, call_plain(*arguments))
             copies: Any = arguments
-            if copied:  # the bytes of a key are a fresh value but for the reading of them
+            if copied and run.cached_steps is None:  # the bytes of a key are a fresh value but for the reading of them
                 pairs = zip(keys, arguments, strict=True)
                 copies = [value if type(value) in SCALARS else loads(known) for known, value in pairs]
             return call_new(found, key, copies)
