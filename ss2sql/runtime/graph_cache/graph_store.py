@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field
 from marshal import dumps
+from math import isfinite
 from typing import Any, TypeAlias
 
 import apsw
@@ -41,11 +42,13 @@ _encode = json.JSONEncoder(
 ).encode
 
 
-def _refuse_constant(text: str) -> Any:
+def _read_finite_float(text: str) -> float:
+    if isfinite(value := float(text)):
+        return value
     raise ValueError(f"{text} is no value")
 
 
-_decode = json.JSONDecoder(parse_constant=_refuse_constant).decode
+_decode = json.JSONDecoder(parse_float=_read_finite_float, parse_constant=_read_finite_float).decode
 # An integer beyond 64 bits has as many digits at least. To look for them so takes a tenth of the time of a pattern.
 _LONG_NUMBER, _ALL_NINES = b"9" * 19, bytes.maketrans(b"012345678", b"999999999")
 
@@ -95,7 +98,7 @@ def _is_call_encodable(call: tuple[str, Any]) -> bool:
 def decode_calls(text: str) -> Calls:
     """Calls from their JSON. Raises ValueError for a text of another program that is none."""
     try:
-        calls = _decode(text)
+        calls: Calls = _decode(text)
         if _LONG_NUMBER in text.encode().translate(_ALL_NINES):  # all else are values: to look takes as long as to read
             calls = convert_value(calls, "a text")
         if not all(type(values) is dict for values in calls.values()):
