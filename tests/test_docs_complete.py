@@ -11,7 +11,6 @@ from pages import ROOT
 
 import ss2sql
 from ss2sql.cli import COMMANDS, main
-from ss2sql.errors import CODES
 from ss2sql.extras import PACKAGES
 from ss2sql.frontend.resolve.query_clauses import SYNONYMS
 from ss2sql.frontend.resolve.search_clauses import ORDERS as ORDER_WORDS
@@ -125,12 +124,6 @@ def test_every_column_of_a_simulator_is_on_its_page(kind):
     names = [column.name for table in kind.tables for column in getattr(table, "columns", ())]
     assert len(names) > 40
     assert set(names) <= set(first_cells(page(kind.__module__.split(".")[2])))
-
-
-def test_every_error_code_is_in_the_index():
-    folder = sorted((DOCS / "errors").glob("*.md")) if (DOCS / "errors").exists() else []
-    text = "\n".join([page("errors"), *(path.read_text("utf-8") for path in folder)])
-    assert [code for code in CODES if not re.search(rf"^#+ {code}\b", text, re.MULTILINE)] == []
 
 
 # --- diagrams ------------------------------------------------------------------------------------------

@@ -155,19 +155,6 @@ def test_what_is_nearly_too_deep_runs(session: Session, engine: Any, what: str) 
     assert sys.getrecursionlimit() == limit
 
 
-def test_the_name_of_a_file_stands_in_the_error(session: Session, tmp_path: Path) -> None:
-    file = tmp_path / "wrong.ss"
-    file.write_text("x = 1;\ny = 2 +;\n", encoding="utf-8")
-    assert f"--> {file}:2:8" in str(failure(lambda: session.run(file)))
-    binary = tmp_path / "binary.ss"
-    binary.write_bytes(b"\xff\xfe\x00")
-    for path in (tmp_path / "missing.ss", binary, tmp_path):
-        error = failure(lambda path=path: session.run(path))
-        assert error.code == "S002"
-        assert str(path) in error.message
-    still_works(session)
-
-
 # --- wrong use --------------------------------------------------------------------------------------
 
 
@@ -203,34 +190,3 @@ def test_wrong_use_says_what_is_wrong(session: Session, action: Any, word: str) 
 def test_a_variable_may_be_named_nearly_like_an_option_where_the_script_has_it(session: Session) -> None:
     assert session.eval("timout + 1", timout=1, unused=2) == 2
     assert session.eval("eval('max_row + 1')", max_row=1) == 2
-
-
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), 2**63, 1j, [1, [float("nan")]]])
-def test_values_that_the_language_does_not_have(session: Session, value: object) -> None:
-    error = failure(lambda: session.set("x", value))
-    assert error.code == "X004"
-    assert "the variable 'x'" in error.message
-    error = failure(lambda: session.run("x;", x=value))
-    assert error.code == "X004"
-    session.attach("y", [value])
-    assert failure(lambda: session.run("SELECT this FROM y")).code == "X004"
-    still_works(session)
-
-
-def test_a_missing_parameter_is_named(session: Session) -> None:
-    query = session.compile("SELECT this * factor + offset FROM [1] AS list")
-    error = failure(lambda: query.run(factr=2, offset=1))
-    assert error.code == "R009"
-    assert "factor" in error.message
-    assert "offset" not in error.message
-    assert any("factr" in hint or "factor=..." in hint for hint in error.hints)
-    assert query.run(factor=2, offset=1).value == [3]
-
-
-@pytest.mark.parametrize("disable", [(), ("fold",), ("split", "unnest", "fold")], ids=str)
-@pytest.mark.parametrize("expression", ["(1 / this > 0) XOR (1 / 0 > 0)", "min(1 / this, 2 / (this + 0))"])
-def test_errors_have_their_place_in_spite_of_rewrites(engine: Any, disable: Any, expression: str) -> None:
-    with ss2sql.connect(disable=disable) as session:
-        error = failure(lambda: session.run(f"SELECT {expression} FROM [0, 1, 2] AS list", engine=engine))
-    assert error.span is not None
-    assert error.span.text == "/"

@@ -50,6 +50,7 @@ def test_what_the_sql_asks(written: str, where: str) -> None:
     [
         # of fold
         *("1 / 0", "'a' + 1", "9223372036854775807 + 1", "[1][5]"),
+        *("(1 / (a.this - 1) > 0) XOR (1 / 0 > 0)", "min(1 / (a.this - 1), 2 / (a.this - 1 + 0))"),
         "NOT (a.this < 'x')",  # of split
         # of unnest
         "[] == (SELECT this FROM [a.this, 'x'] WHERE this < 2 AS list)",  # fails for the second element

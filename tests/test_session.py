@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,6 @@ def test_a_session_on_a_file(staff: Path, tmp_path: Path) -> None:
     with ss2sql.connect(tmp_path / "new.db") as ss:
         ss.eval("v{5.0} = 1;")
     assert (tmp_path / "new.db").exists()
-
-
-def test_unknown_optimisations_are_refused() -> None:
-    with pytest.raises(ss2sql.SessionError, match="did you mean 'memo'"):
-        ss2sql.connect(disable=["memory"])
 
 
 def test_a_closed_session_says_so() -> None:
@@ -69,8 +65,10 @@ def test_a_script_may_be_a_file(ss: ss2sql.Session, tmp_path: Path) -> None:
 def test_scripts_that_cannot_be_read(ss: ss2sql.Session, tmp_path: Path) -> None:
     (tmp_path / "binary.ss").write_bytes(b"\xff\xfe\x00")
     for script in (tmp_path / "missing.ss", tmp_path / "binary.ss", tmp_path, 7, None):
-        assert code_of(ss.run, script) == "S002"
-        assert code_of(ss.compile, script) == "S002"
+        for call in (ss.run, ss.compile):
+            named = re.escape(str(script)) if isinstance(script, Path) else type(script).__name__
+            with pytest.raises(ss2sql.SessionError, match=f"S002.*{named}"):
+                call(script)
 
 
 def test_the_engine_can_be_chosen(ss: ss2sql.Session) -> None:

@@ -88,15 +88,6 @@ def test_the_text_that_is_shown_is_the_text_that_sqlite_gets(staff: ss2sql.Sessi
     assert str(staff.run(FLAT[0], engine="database").sql) in seen
 
 
-def test_a_script_of_several_statements_has_one_text_per_statement(staff: ss2sql.Session) -> None:
-    result = staff.run("limit = 5; SELECT name FROM staff WHERE pay > limit AS list; 1 + 1;")
-    texts = result.sql.statements
-    assert len(texts) == 3
-    assert texts[1].startswith("SELECT")
-    assert texts[1].parameters == {"limit": 5}
-    assert [text[:11] for text in (texts[0], texts[2])] == ["-- no query"] * 2
-
-
 def test_literals_stay_readable(staff: ss2sql.Session) -> None:
     text = staff.run("SELECT this FROM [[1, 2], [3, 4]] WHERE this == [3, 4] AS list;", engine="database").sql
     assert "/* [[1, 2], [3, 4]] */" in text

@@ -9,8 +9,6 @@ from typing import Any
 
 import pytest
 from golden import each_row
-from hypothesis import given
-from hypothesis import strategies as st
 from sessions import write
 
 import ss2sql
@@ -123,13 +121,6 @@ def test_bounds_are_powers_of_two(values: list[Any], low: float | None, high: fl
     assert bounds(values) == bounds(values, "CREATE INDEX i ON t(a)") == (low, high)
 
 
-@given(st.lists(st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False), min_size=1))
-def test_every_number_lies_within_the_bounds(values: list[float]) -> None:
-    low, high = bounds(values)
-    assert low is None or all(low <= value for value in values)
-    assert high is None or all(value <= high for value in values)
-
-
 def test_views_have_no_bounds() -> None:
     """The values of this one are others at each look."""
     assert bounds([1], "CREATE VIEW v AS SELECT random() AS a", "v") == (None, None)
@@ -230,40 +221,6 @@ def test_sqlite_leaves_out_what_where_drops(
 
 
 # --- the order of rows, whatever SQLite finds them by ---------------------------------------------------
-
-STAFF = """
-    CREATE TABLE emp(id INTEGER PRIMARY KEY, dept INTEGER, name TEXT);
-    INSERT INTO emp VALUES (1, 3, 'c'), (2, 1, 'a'), (3, 2, 'b');
-    CREATE TABLE pay(dept INTEGER, sum INTEGER);
-    INSERT INTO pay VALUES (1, 5), (2, 5), (3, 5);
-    CREATE VIEW rich AS SELECT dept, sum FROM pay WHERE sum > 3;
-    CREATE INDEX by_dept ON emp(dept);
-"""
-TOTALS = "(SELECT dept, sum(sum) AS s FROM pay GROUP BY dept)"
-
-
-@pytest.mark.parametrize(
-    ("script", "value"),
-    [
-        ("SELECT e.name FROM e = emp JOIN r = rich ON r.dept == e.dept WHERE e.dept > 0 AS list", ["c", "a", "b"]),
-        ("SELECT e.name FROM e = emp JOIN r = rich ON r.dept == e.dept WHERE e.dept > 0 LIMIT 1 AS value", "c"),
-        (f"SELECT e.name FROM e = emp, p = {TOTALS} WHERE e.dept > 0 AND p.s == 5 ORDER BY p.s LIMIT 1 AS value", "c"),
-        (f"SELECT DISTINCT e.name FROM e = emp, p = {TOTALS} WHERE e.dept > 0 AS list", ["c", "a", "b"]),
-        (f"SELECT e.name, count(*) FROM e = emp, p = {TOTALS} WHERE e.dept > 0 GROUP BY e.name AS rows",
-         [("c", 3), ("a", 3), ("b", 3)]),
-        ("SELECT dept FROM (SELECT dept, sum FROM rich ORDER BY sum DESC LIMIT 2) AS list", [1, 2]),
-        ("SELECT name FROM emp WHERE dept IN (SELECT dept FROM rich ORDER BY sum DESC LIMIT 2) AS list", ["a", "b"]),
-        ("SELECT (SELECT r.sum FROM r = rich WHERE r.dept == e.dept ORDER BY r.sum DESC LIMIT 1 AS value) AS s, e.name "
-         "FROM e = emp AS rows", [(5, "c"), (5, "a"), (5, "b")]),
-        ("SELECT x.name FROM x = (SELECT e.name AS name, r.sum AS sum FROM e = emp, r = rich WHERE e.dept > 1) "
-         "LIMIT 4 AS list", ["c", "c", "c", "b"]),
-    ],
-)  # fmt: skip
-def test_tables_beside_views_and_queries_come_in_their_order(
-    ss: ss2sql.Session, file: Path, engine: Any, script: str, value: object
-) -> None:
-    write(file, STAFF)
-    assert ss.run(script, engine=engine).value == value
 
 
 @pytest.mark.parametrize("index", ["i", "j, s", "s DESC", "i, j, s", "s, i, j"])

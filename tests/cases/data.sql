@@ -111,3 +111,11 @@ INSERT INTO indexed VALUES (1, 2, 5), (2, 3, 4), (7, 8, 0), (20, 21, 1), (21, 22
 -- needs: days
 CREATE TABLE days(day DATE, n);
 INSERT INTO days VALUES ('2020-01-01', 1), ('2021-01-01', 2), ('2020-03', 3);
+
+-- needs: departments
+CREATE TABLE emp(id INTEGER PRIMARY KEY, dept INTEGER, name TEXT);
+INSERT INTO emp VALUES (1, 3, 'c'), (2, 1, 'a'), (3, 2, 'b');
+CREATE TABLE pay(dept INTEGER, sum INTEGER);
+INSERT INTO pay VALUES (1, 5), (2, 5), (3, 5);
+CREATE VIEW rich AS SELECT dept, sum FROM pay WHERE sum > 3;
+CREATE INDEX by_dept ON emp(dept);

@@ -56,24 +56,6 @@ def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
     assert "SELECT" in str(ss.compile("SELECT a FROM t").explain())
 
 
-@pytest.mark.parametrize("script", [
-    "SELECT round(x) AS r, round(x / 3, 2) AS q, int(x) AS w FROM t",
-    "SELECT str(x) + upper(s) + strip(s) FROM t AS list",
-    "SELECT a FROM t WHERE upper(s) IN ['SS', 'B'] AS list",
-    "SELECT a FROM t WHERE a NOT IN (SELECT b FROM u) AS list",
-    "SELECT a FROM t WHERE a IN (SELECT b FROM u WHERE b > 1 ORDER BY b LIMIT 1) AS list",
-    "SELECT a FROM t WHERE a > (SELECT count(*) FROM u) AS list",
-    "SELECT median(x) FROM t GROUP BY a % 2 AS list",
-    "SELECT find(s, 'b') AS f, find(s, s) AS g, coalesce(a, 1) AS c FROM t",
-])  # fmt: skip
-def test_functions_without_a_form_and_inner_queries_run_here(ss: ss2sql.Session, own: Any, script: str) -> None:
-    own.execute("CREATE TABLE t AS SELECT i AS a, i::DOUBLE / 4 AS x, ['ß', 'b'][i % 2 + 1] AS s FROM range(7) r(i)")
-    own.execute("CREATE TABLE u AS SELECT i AS b FROM range(4) r(i)")
-    result = ss.run(script)
-    assert result.engine == "duckdb"
-    assert repr(result.value) == repr(ss.run(script, engine="native").value)
-
-
 def test_max_rows_counts_the_list_of_a_query(ss: ss2sql.Session) -> None:
     script = "SELECT this FROM (SELECT a.this FROM a = range(9), b = range(9) LIMIT 81 AS list) WHERE this == 3 AS list"
     assert ss.run(script).engine == "duckdb"

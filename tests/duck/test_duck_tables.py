@@ -19,7 +19,7 @@ from agreement import Outcome, exact, is_allowed, outcome, reference_outcome, se
 from golden import each_row
 from hypothesis import given, seed
 from hypothesis import strategies as st
-from level_searches import agree, by_sheet
+from level_searches import agree
 from programs import ProgramCase, programs
 from programs.drawn import SEED, amount, drawn
 from second_opinion import DECISIONS, TYPES, twin
@@ -385,10 +385,6 @@ def test_random_queries(own: Any, cases: Any, kept: str, engine: Any, told: str,
 
     run()
     assert done > COUNT // least
-
-
-def test_what_the_sheet_says(ss: ss2sql.Session) -> None:
-    assert list(by_sheet(ss, "queries/in-duckdb"))
 
 
 @pytest.mark.parametrize("threads", [1, 2])
