@@ -14,6 +14,7 @@ from random_values import label
 from sessions import code_of, write
 
 import ss2sql
+from ss2sql.session import variables
 
 
 def test_unknown_names_of_a_compiled_script_are_its_parameters(ss: ss2sql.Session, engine: Any) -> None:
@@ -227,3 +228,18 @@ def test_a_world_is_asked_for_the_one_that_is_wanted(ss: ss2sql.Session, engine:
     assert box.calls["given"] == 1
     assert query.run(engine=engine, n="7").value == []
     assert query.run(engine=engine, n=Decimal(8)).value == []
+
+
+def test_the_value_of_a_variable_is_looked_at_once(
+    ss: ss2sql.Session, engine: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked_at: list[Any] = []
+    type_of = variables.type_of
+    monkeypatch.setattr(variables, "type_of", lambda value: (looked_at.append(value), type_of(value))[1])
+    ss.set("rows", [{"a": 1}, {"a": 2}])
+    for least in range(3):  # three texts, of which each is compiled
+        assert ss.run(f"SELECT a FROM rows WHERE a > {least} AS list;", engine=engine).value == [1, 2][least:]
+    assert len(looked_at) == 1
+    ss.set("rows", [{"a": "x"}])
+    assert ss.run("SELECT a + 'y' AS a FROM rows AS list;", engine=engine).value == ["xy"]
+    assert len(looked_at) == 2

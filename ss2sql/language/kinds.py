@@ -13,6 +13,7 @@ from dataclasses import fields, is_dataclass, replace
 from enum import Flag
 from functools import lru_cache, reduce
 from itertools import chain
+from operator import itemgetter
 from types import FunctionType, ModuleType, NoneType
 from typing import Any, TypeAlias
 
@@ -279,9 +280,12 @@ def _infer_type(value: Any, detail: int) -> Type:
         case str():
             return STR if is_encodable(value) else UNENCODABLE
         case list() if detail:
-            item = _infer_element_type(value, detail - 1)
-            positions = _unite_position_types([_infer_type(part, 0) for part in value[: _POSITIONS + 1]], item)
             columns = _infer_column_types(value, detail - 1)
+            if columns and set(map(type, value)) == {dict}:
+                item = Type(Kind.DICT, columns=tuple((n, limit_type_depth(t, detail - 2)) for n, t in columns))
+            else:
+                item = _infer_element_type(value, detail - 1)
+            positions = _unite_position_types([_infer_type(part, 0) for part in value[: _POSITIONS + 1]], item)
             return Type(
                 Kind.LIST, None, None, item, columns, positions, _choose_type_length(len(value), item, positions)
             )
@@ -339,6 +343,8 @@ def _infer_element_type(items: Sequence[Any], detail: int) -> Type:
     if not classes <= _SCALARS.keys():
         return unite(_infer_type(item, detail) for item in items)
     kinds = reduce(Kind.__or__, (_SCALARS[c] for c in classes), Kind(0))
+    if classes == {str}:
+        return Type(kinds) if is_encodable("".join(items)) else Type(kinds | Kind.OBJECT)
     if str in classes and not is_encodable("".join(item for item in items if type(item) is str)):
         kinds |= Kind.OBJECT
     numbers: Sequence[Any] = items
@@ -376,12 +382,19 @@ def _infer_column_types(items: Sequence[Any], detail: int) -> tuple[tuple[str, T
     """The columns of a list of dicts and objects: keys and attributes, by first appearance; missing values are None."""
     classes = set(map(type, items))
     if classes == {dict}:
-        names = {key: None for item in items for key in item if isinstance(key, str)}
-        return tuple((name, _infer_element_type([item.get(name) for item in items], detail)) for name in names)
+        layouts = dict.fromkeys(map(tuple, items))  # the keys of the dicts, most often all the same
+        names = [name for name in dict.fromkeys(chain.from_iterable(layouts)) if isinstance(name, str)]
+        return tuple((name, _infer_element_type(_list_cells(items, name, layouts), detail)) for name in names)
     if not items or classes & _WITHOUT_COLUMNS:
         return ()
     known = dict.fromkeys(tuple(item) if type(item) is dict else list_attributes(item) for item in items)
     return tuple((name, ANY) for name in dict.fromkeys(chain.from_iterable(known)) if isinstance(name, str))
+
+
+def _list_cells(items: Sequence[dict[Any, Any]], name: str, layouts: Iterable[tuple[Any, ...]]) -> list[Any]:
+    if all(name in layout for layout in layouts):
+        return list(map(itemgetter(name), items))
+    return [item.get(name) for item in items]
 
 
 def list_attributes(value: Any) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ from ss2sql.frontend.resolve.scope import UnknownNames
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.cancellation import install_cancellation_check, retry_with_stack
-from ss2sql.language.kinds import ANY, NOTHING, Type, is_supertype, type_of
+from ss2sql.language.kinds import ANY, NOTHING, Type, is_supertype
 from ss2sql.language.plan_traversal import list_plan_calls, walk
 from ss2sql.language.values import copy_for_python
 from ss2sql.lowering.sql_query import Sql
@@ -94,7 +94,7 @@ class CompiledStatement:
         self.queries: list[CompiledQuery] = queries
         self.statement = statement
         self.assigns = frozenset(node.name for node in walk(statement.expr) if isinstance(node, ASSIGNMENTS))
-        self.facts_read: dict[str, Any] = {}  # values of variables that are of the types that the plan relies on
+        self.types_seen: dict[str, Type] = {}  # of variables, which the plan fits
         self.generation = generation  # last: what was broken off before is made anew
 
     def _make_function(
@@ -127,24 +127,21 @@ class CompiledStatement:
         """Whether the plan relies on outdated columns or types, of other variables than those in `but`."""
         if self.generation != self.host.generation:
             return True
-        own = self.host.names.values
         for name, kind in self.statement.reads:
             if kind == ANY or name in but:
                 continue
-            # Nobody changes the value of a script variable in place, so one that was looked at stays as it is. What is
-            # attached, or given to this run, the user may have changed.
-            kept = None if name in run.arguments else own.get(name)
-            if kept is not None and kept is self.facts_read.get(name):
+            present = self._get_variable_type(source, name)
+            if present is self.types_seen.get(name):
                 continue
-            if not is_supertype(kind, self._get_variable_type(source, name)):
+            if not is_supertype(kind, present):
                 return True
-            self.facts_read[name] = kept
+            self.types_seen[name] = present
         return any(self.host.has_table_changed(table, run) for table in self.statement.tables)
 
     def _get_variable_type(self, source: Callable[[str], Any], name: str) -> Type:
         """The type of a variable's present value; the unknown type if there is none any more."""
         try:
-            return type_of(source(name))
+            return self.host.names.get_type(name, source(name))
         except KeyError:
             return ANY
         except ExecutionError as error:  # it cannot be read now, or is a parameter that this run does not give

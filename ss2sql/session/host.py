@@ -24,7 +24,7 @@ from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.conversion import is_unreadable
-from ss2sql.language.kinds import Type, type_of
+from ss2sql.language.kinds import Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime.representations.shape import REPRESENTATIONS, Representations
@@ -349,7 +349,7 @@ class SessionHost:
         def get_variable_type(name: str) -> Any:
             if name not in snapshots:
                 snapshots[name] = self.get_present_value(name, values_by_name)
-            return type_of(snapshots[name])
+            return self.names.get_type(name, snapshots[name])
 
         functions = {**BUILT_IN, **{name: self._plan_function(entry) for name, entry in self.functions.items()}}
         return Catalog(

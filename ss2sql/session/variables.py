@@ -23,9 +23,10 @@ from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
+from ss2sql.language.kinds import ANY, Type, type_of
 from ss2sql.language.operations import WRITTEN
 from ss2sql.language.plan_traversal import format_type
-from ss2sql.language.values import convert_value, copy_for_python, format_value, make_hashable
+from ss2sql.language.values import UNSET, convert_value, copy_for_python, format_value, make_hashable
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.vtables.frames import Reader
@@ -157,6 +158,7 @@ class Variables:
         self.histories = histories
         self.file = file
         self.values.update((name, values[-1][1]) for name, (values, _) in histories.items())
+        self._types: dict[str, tuple[Any, Type]] = {}  # of values that stand in `values`
 
     def __contains__(self, name: str) -> bool:
         return name in self.values or name in self.attached
@@ -176,6 +178,20 @@ class Variables:
             return convert_value(self.attached[name], f"the variable '{name}'", named=True)
         reader = None if self.others is None else self.others.find_reader(name)
         return self.values[name] if reader is None else reader()
+
+    def get_type(self, name: str, value: Any) -> Type:
+        """The type of `value`, which a script has for `name`; that of a list of 50,000 dicts takes 30 ms.
+
+        Nobody changes the value of a script variable in place, so that it is looked at once. What is attached, or given
+        to a run, the user may have changed.
+        """
+        if value is not self.values.get(name, UNSET):
+            return type_of(value)
+        looked_at, known = self._types.get(name, (UNSET, ANY))
+        if looked_at is not value:
+            known = type_of(value)
+            self._types[name] = value, known
+        return known
 
     def is_frame(self, name: str) -> bool:
         """Whether a name stands for a data frame, or a table that is read as one."""
@@ -226,6 +242,7 @@ class Variables:
     def _drop_meaning(self, name: str) -> None:
         """Forgets the meaning of the name, but not its history."""
         self.values.pop(name, None)
+        self._types.pop(name, None)
         self.attached.pop(name, None)
         self.frames.pop(name, None)
         world = self.worlds.pop(name, None)
