@@ -431,6 +431,15 @@ def _generate_column(body: PythonScope, node: plan.Column, build: AstBuilder) ->
 
 
 def _generate_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> ast.expr:
+    """A call; what a built-in function makes of a list that stays the same in a loop is computed once."""
+    facts, value = builder.codegen.analysis.facts(node), _generate_call_each_time(builder, node, body)
+    of_list = node.function.builtin and any(argument.type.may_be(Kind.LIST) for argument in node.arguments)
+    if of_list and facts.steady and not _is_item_access(node) and body.find_home(facts) != (body, body.level):
+        return body.compute_once(facts, value, builder.codegen.build_at(node.span), node.function.name)
+    return value
+
+
+def _generate_call_each_time(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> ast.expr:
     codegen, function = builder.codegen, node.function
     facts, build = codegen.analysis.facts(node), codegen.build_at(node.place)
     if is_memoized_call(node):
