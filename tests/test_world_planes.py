@@ -89,6 +89,38 @@ def test_the_place_is_a_list_an_element_or_that_of_the_source(scene: Scene, engi
     assert moved[0, 1] == 7.0
 
 
+def test_of_several_sources_the_columns_decide_whose_body_it_is(client: Any, engine: Any) -> None:
+    scene, other = Scene(0, client), scenes.chaos(seed=1, bodies=0)
+    for world, place in ((scene, 0.5), (other, 3.5)):
+        world.add("ball", Sphere(0.1), (place, 0.5, 0.0), GREY, 7.0)
+        world.add("crate", Box(0.1, 0.1, 0.1), (place, 1.5, 0.0), GREY, 5.0)
+    two = "FROM a = space, b = space WHERE a.name == 'ball' AND b.name == 'crate'"
+    listed = "FROM w = wanted JOIN b = space ON b.name == w.name"
+    rows = [{"name": "crate", "factor": 1}]
+    with ss2sql.connect() as ss:
+        ss.attach("space", scene)
+        ss.attach("real", other)
+        for columns, sources, cell in (
+            ("b.mass", two, (1, 0)),
+            ("mass(b.this)", two, (1, 0)),
+            ("a.mass", two, (0, 0)),
+            ("b.this, a.mass + b.mass", two, (1, 0)),
+            ("b.mass * w.factor", listed, (1, 0)),
+            ("w.factor", listed, (1, 0)),
+            ("r.mass", "FROM s = space, r = real WHERE s.name == 'ball' AND r.name == 'crate'", (1, 3)),
+        ):
+            for form in ("plane('XY', [0, 0], [4, 4, 1])", "occupancygrid(0, 1, [[0, 0], [4, 4]])"):
+                grid = ss.run(f"SELECT {columns} {sources} AS {form};", engine=engine, wanted=rows).value
+                assert np.argwhere(grid).tolist() == [list(cell)]
+        assert list(ss.run(f"SELECT b.mass {two} AS environment;", engine=engine).value.names.values()) == ["crate"]
+        for form in ("plane('XY', [0, 0], [4, 4, 1])", "occupancygrid(0, 1)", "environment"):
+            for columns in ("a.mass + b.mass", "1"):
+                with pytest.raises(ss2sql.RepresentationError, match=r"b\.this") as caught:
+                    ss.run(f"SELECT {columns} {two} AS {form};", engine=engine)
+                assert caught.value.code == "V001"
+    other.close()
+
+
 def test_a_blur_is_a_gaussian(engine: Any) -> None:
     with ss2sql.connect() as ss:
         grid = ss.run("SELECT this, 8 FROM [[10.5, 20.5]] AS plane('XY', [0, 0], [30, 40, 1], 2);", engine=engine).value

@@ -173,7 +173,8 @@ HIDDEN_COLUMNS_ATTRIBUTE = "__ss2sql_asks__"
 def request_hidden_columns(wanted: Literal["elements", "calls"]) -> Callable[[F], F]:
     """Decorator of representations that ask for more than the columns: they find it in `Table.hidden`.
 
-    "elements": the element of the first source, one for each row. "calls": the arguments of the calls in SELECT.
+    "elements": the element of the source that the columns read, one for each row, if there is no choice. "calls": the
+    arguments of the calls in SELECT.
     Searches and groups with aggregates have rows that belong to no single element; of them nothing is hidden.
     """
 

@@ -55,7 +55,7 @@ def add_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
     hidden: list[plan.Expr] = []
     facts: tuple[plan.FactColumn, ...] = ()
     if wanted == "elements":
-        hidden.extend(_resolve_hidden_elements(query.sources[:1]))
+        hidden.extend(_find_selected_element(query))
     else:
         facts = tuple(_resolve_hidden_fact(output, query.sources, hidden) for output in query.columns)
     word = wanted.removesuffix("s").replace("call", "argument")
@@ -94,6 +94,21 @@ def _resolve_hidden_elements(sources: tuple[plan.Source, ...]) -> list[plan.Expr
     """The elements of sources, where these are more than rows of columns."""
     found = [resolve_this(source, source.span) for source in sources if not isinstance(source, plan.TableSource)]
     return [element for element in found if element.type.kinds != Kind.DICT]
+
+
+def _find_selected_element(query: plan.Query) -> list[plan.Expr]:
+    """The element whose body or place a row has: that of the source which the columns read.
+
+    Where they read several, or none, it is the one that can only be a body; nothing where that leaves a choice.
+    """
+    read = {source for output in query.columns for source in list_sources(output.expr)}
+    found = _resolve_hidden_elements(query.sources)
+    if len(found) > 1:
+        found = [each for each in found if each.type.may_be(Kind.OBJECT | Kind.LIST)]
+        found = [each for each in found if list_sources(each) & read] or found
+    if len(found) > 1:
+        found = [each for each in found if each.type.kinds == Kind.OBJECT]
+    return found if len(found) == 1 else []
 
 
 def _resolve_hidden_fact(

@@ -35,7 +35,7 @@ def as_plane(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> 
 
     Args:
         table: the last column is what is added up, None counts nothing. The place is the first list of numbers or the
-            first element of a world before it; where there is none, it is that of the source's element.
+            first element of a world before it; where there is none, it is that of the element the columns read.
         plane: "XY", "XZ" or "YZ".
         start: the lower corner of the grid in this plane, in metres.
         size: the number of columns, the number of rows, and the edge of a cell in metres.
@@ -102,13 +102,13 @@ def _find_points(table: Table, axes: tuple[int, int]) -> tuple[Any, Any]:
 
 
 def _find_plane_point(table: Table, index: int, axes: tuple[int, int]) -> tuple[float, float]:
-    """Where a row is: its first list or element, else the element of its source."""
+    """Where a row is: its first list or element, else the element that the columns read."""
     candidates = (*table.rows[index][:-1], *(table.hidden[index] if table.hidden else ()))
     place = next((value for value in candidates if isinstance(value, (list, Element))), None)
     if isinstance(place, Element):
         place = getattr(place, "pos", None)
     if not isinstance(place, (list, tuple)):
-        hints = ("select it before the value: SELECT pos, mass", "or select elements of a world")
+        hints = ("select it before the value: SELECT pos, mass", "or an element of a world: SELECT b.this, b.mass")
         refuse_argument("plane", f"does not know where row {index + 1} is", *hints)
     if len(place) not in (2, 3) or len(place) <= axes[1] or not all(type(part) in (int, float) for part in place):
         wanted = "[x, y] or [x, y, z]" if axes == (0, 1) else "[x, y, z]"

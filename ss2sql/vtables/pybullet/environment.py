@@ -61,12 +61,16 @@ WIDE = 100.0  # metres: bodies with larger boxes, such as that of plane.urdf, le
 def list_selected_bodies(world: Any, form: str, table: Table) -> list[int]:
     """The ids of the selected bodies, each once, in the order of the rows.
 
-    They are the elements in the columns of SELECT; where there are none, those of the first source.
+    They are the elements in the columns of SELECT; where there are none, those of the source that the columns read.
     """
     selected = [value for row in table.rows for value in row if isinstance(value, Element)]
     selected = selected or [value for row in table.hidden for value in row if isinstance(value, Element)]
     if table.rows and not selected:
-        refuse_argument(form, "finds no bodies in these rows", "select them: SELECT obj FROM the world")
+        hints = (
+            "select them: SELECT obj FROM the world",
+            "of several sources name one: SELECT b.this FROM a = ..., b = ...",
+        )
+        refuse_argument(form, "finds no bodies in these rows", *hints)
     for element in selected:
         if element.world.source is not world.source:
             refuse_argument(
