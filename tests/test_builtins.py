@@ -1,44 +1,15 @@
-"""The built-in functions: how they fail, and how much their types say."""
+"""The built-in functions: how much their types say.
+
+Values, errors and hints are in cases/expressions/built-in-functions.sheet and cases/errors/values.errors.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
-import pytest
-from sessions import failure
-
-from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import ANY, INT, INT_MIN, Kind, Type, make_list_type, unite
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.values import check_arithmetic
-
-
-def call(name: str, *arguments: Any) -> Any:
-    python = OPERATIONS[name].value
-    assert python is not None
-    return python(*arguments)
-
-
-# --- errors --------------------------------------------------------------------------------------------
-
-# Values, codes and messages are in cases/expressions/built-in-functions.sheet and cases/errors/values.errors.
-
-
-def test_hints_name_the_cure() -> None:
-    with pytest.raises(ExecutionError, match="1j"):
-        check_arithmetic(1j)
-    assert "range(1000000000000) has too many elements" in failure(call, "range", 10**12).message
-    assert "max(SELECT ... AS list)" in failure(call, "max", 5).hints[0]
-    assert "str(...)" in failure(call, "add", 1, "a").hints[0]
-    assert "did you mean 'name'?" in failure(call, "item", {"name": 1, "other": 2}, "nam").hints
-    assert "-1" in failure(call, "item", [1, 2], 5).hints[0]
-    assert "None" in failure(call, "mul", None, 2).hints[0]
-    assert "WHERE" in failure(call, "sum", [None]).hints[0]
-
-
-# --- types ---------------------------------------------------------------------------------------------
 
 
 def bounded(low: float, high: float, kinds: Kind = Kind.INT) -> Type:

@@ -74,21 +74,6 @@ def test_other_calls_stay_where_they_are(script: str) -> None:
         assert ss.run(script, engine="database").paths == ss.run(script, engine="native").paths
 
 
-def test_a_call_that_fails_in_the_middle_is_not_made_again(engine: Any) -> None:
-    """The calls before it are handed over where Python begins anew."""
-
-    def gives(move: int, n: int) -> int:
-        if n == 2 and move == 2:
-            raise ValueError("no way")
-        return n + move
-
-    calls = Calls(gives)
-    with session(calls, [1, 2, 3]) as ss, pytest.raises(ValueError, match="no way") as caught:
-        ss.run(SEARCH.format("UNIQUE"), engine="auto" if engine == "database" else engine)
-    assert "next" in caught.value.__notes__[0]
-    assert len(calls.seen) == len(set(calls.seen))
-
-
 def test_values_of_all_kinds_come_back_as_they_were() -> None:
     """Two lists that are equal in another form, an object, a dict, None, a list in a list, a long string."""
     thing = object()
@@ -125,23 +110,6 @@ def test_a_function_in_from_is_called_once_for_its_arguments(engine: Any) -> Non
         found = ss.run(search.format("STOP WITH look(n, 1) == 5"), engine=engine)
         assert [path[-1] for path in found.paths] == [(1, 3), (1, 4)] * 5  # by each element of look(0, 1)
         assert calls == [(n, 1) for n in range(4)]
-
-
-def test_functions_that_change_their_argument_get_fresh_ones() -> None:
-    def take(step: int, tower: list[int]) -> list[int]:
-        tower.append(step)
-        return tower if len(tower) < 4 else []
-
-    script = """SELECT take(this, tower) FROM steps START WITH tower = [] CONNECT BY UNIQUE tower = take(this, tower)
-        STOP WITH [] == take(this, tower) AS list;"""
-    found = []
-    for engine in ENGINES:
-        with ss2sql.connect() as ss:
-            ss.function(take)
-            ss.set("steps", [1, 2])
-            found.append(ss.eval(script) if engine == "auto" else ss.run(script, engine=engine).value)
-    assert found[0] == found[1]
-    assert [1, 2, 1] in found[0][-1] or any([1, 2, 1] in path for path in found[0])
 
 
 def test_a_table_of_the_same_name_and_columns_called_otherwise() -> None:

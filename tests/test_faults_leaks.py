@@ -128,6 +128,7 @@ def test_scripts_leave_nothing(ss: ss2sql.Session, amount: int | None) -> None:
     ss.function("halt", lambda x: ss.interrupt() if x == 30 else x, volatility="volatile")
     left: weakref.WeakSet[Any] = weakref.WeakSet()
     partial: list[weakref.ref[Any]] = []
+    search = ss.compile("SELECT n FROM [1] WHERE n == 2000 START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 2000;")
 
     def use(number: int) -> None:
         cancelled: Any = attempt(lambda: ss.run("SELECT halt(this) FROM range(100);"))
@@ -138,6 +139,7 @@ def test_scripts_leave_nothing(ss: ss2sql.Session, amount: int | None) -> None:
         if number % 4 == 0:
             assert query.run().value
         left.add(query)
+        assert len(search.run(engine=ENGINES[number % 2]).paths[0]) == 2000  # type: ignore[arg-type]
 
     repeat(use, amount or 20_000)
     assert len(left) == 0

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import cProfile
-import gc
 import pstats
-import tracemalloc
 from typing import Any
 
 import pytest
@@ -69,31 +67,3 @@ def test_sqlite_keeps_pages_and_copies_in_memory() -> None:
     with ss2sql.connect() as ss:
         assert ss.host.connection.execute("PRAGMA temp_store").get == 2
         assert ss.host.connection.execute("PRAGMA cache_size").get == -65536
-
-
-# --- memory --------------------------------------------------------------------------------------------
-
-
-def test_searches_one_after_the_other_need_no_more_memory_than_one() -> None:
-    query = ss2sql.connect().compile(CHAIN.format(length=5_000, option=""))
-
-    def run() -> None:
-        result = query.run(engine="database")
-        assert result.stats.generated == 5_000
-        assert len(result.paths[0]) == 5_000
-
-    for _ in range(3):
-        run()
-    gc.collect()
-    tracemalloc.start()
-    try:
-        run()
-        gc.collect()
-        first, most = tracemalloc.get_traced_memory()
-        for _ in range(20):
-            run()
-        gc.collect()
-        last, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert last - first < 0.05 * most  # of what one search takes

@@ -10,7 +10,6 @@ import pytest
 from golden import each_row
 from listings import HANOI, MOVES, move
 from sql_calls import python_calls, run_shown_sql
-from trees import calls_of
 
 import ss2sql
 from ss2sql.language.plan_traversal import format_plan
@@ -153,11 +152,3 @@ def test_a_long_literal_is_shown_by_its_beginning(ss: ss2sql.Session) -> None:
     literal = str(list(range(100, 400)))
     sql = str(ss.compile(f"SELECT this FROM [150, 7] WHERE this IN {literal} AS list", engine="database").sql)
     assert f"/* {literal[:57]}... */" in sql
-
-
-def test_what_is_lowered_twice_is_not_lowered_anew_at_each_depth(ss: ss2sql.Session) -> None:
-    def compile_powers(depth: int) -> None:
-        assert ss.compile(f"SELECT {'(' * depth}this{') ^ 2' * depth} FROM [1] AS list", engine="database").sql
-
-    compile_powers(1)
-    assert calls_of(lambda: compile_powers(12)) < 8 * calls_of(lambda: compile_powers(4))
