@@ -45,9 +45,8 @@ def same(script: str, counted: bool = True, **variables: Any) -> ss2sql.Result:
 def test_water_jugs(option: str) -> None:
     result = same(JUGS.format(option), A=3, B=5, want=4)
     assert result.value[0][-1] in ([4, 5], [3, 4], [0, 4], [4, 0])
-    assert (
-        option != "UNIQUE MAXIMUM 1" or "CASE" not in result.sql
-    )  # no jug holds more than it does, so no sum leaves 64 bits
+    if option == "UNIQUE MAXIMUM 1":  # no jug holds more than it does, so no sum leaves 64 bits
+        assert "CASE" not in result.sql
 
 
 @each_row("search/lists-made-anew", "script", "told")
