@@ -73,35 +73,9 @@ def test_a_step_that_fails(ss: ss2sql.Session, strategy: str) -> None:
     assert sum(alike) > len(alike) // 2
 
 
-DEPTH_FIRST = "DEPTH FIRST does not go level by level"
-
-
-@pytest.mark.parametrize(
-    ("options", "reason", "cure"),
-    [
-        ("", DEPTH_FIRST, "write BREADTH FIRST, or UNIQUE without DEPTH FIRST"),
-        ("NO CYCLE", DEPTH_FIRST, "write BREADTH FIRST"),
-        ("UNIQUE DEPTH FIRST", DEPTH_FIRST, "write BREADTH FIRST"),
-        ("COST 1", "COST, PROBABILITY and MEMORIZE do not go by length", "leave the engine to ss2sql"),
-        ("MEMORIZE 3", "COST, PROBABILITY and MEMORIZE do not go by length", "leave the engine to ss2sql"),
-        ("UNIQUE m = dice(n),", "keeps the written order", ""),
-    ],
-)
-def test_what_does_not_go_by_levels_is_refused_by_name(
-    ss: ss2sql.Session, options: str, reason: str, cure: str
-) -> None:
-    ss.function("dice", lambda n: 4, volatility="volatile")
-    with pytest.raises(ss2sql.UnsupportedError) as caught:
-        ss.run(f"SELECT x.this FROM x = near(n) START WITH n = 1, m = 1 CONNECT BY {options} n = x.this;")
-    assert reason in caught.value.message
-    assert cure in str(caught.value)
-
-
-def test_aggregates_over_paths_and_objects_are_refused(ss: ss2sql.Session) -> None:
-    search = "START WITH n = 1 CONNECT BY BREADTH FIRST MAXIMUM 9 n = x.this"
-    with pytest.raises(ss2sql.UnsupportedError, match="aggregates count over whole paths"):
-        ss.run(f"SELECT count(*) FROM x = near(n) {search} GROUP BY n;")
+def test_objects_are_refused(ss: ss2sql.Session) -> None:
     ss.attach("things", [object()])
+    search = "START WITH n = 1 CONNECT BY BREADTH FIRST MAXIMUM 9 n = x.this"
     assert code_of(ss.run, f"SELECT 1 FROM x = things {search};") == "U001"
 
 
