@@ -71,6 +71,8 @@ def test_tables_of_pages_are_what_the_code_says(monkeypatch):
     texts = {page: page.read_text("utf-8") for page in tables.pages()}
     old = [str(page.relative_to(ROOT)) for page, text in texts.items() if tables.filled(text) != text]
     assert old == [], "python docs/generate.py writes them anew"
+    asked = [name for text in texts.values() for _, name, _ in tables.BLOCK.findall(text)]
+    assert sorted(asked) == sorted(tables.TABLES)
 
 
 def test_the_pages_about_errors_are_what_the_code_says(monkeypatch):
