@@ -116,6 +116,10 @@ def count(
         ("SELECT n, count(*) FROM [1] START WITH n = 0 CONNECT BY MAXIMUM 2 n = n + 1 GROUP BY n HAVING n > 5",
          ["MAXIMUM 2 ended the search, and HAVING n > 5 dropped what it had found; a larger bound in MAXIMUM"]),
         (count().replace("[1, 2]", "[]"), []),
+        ("SELECT LAST dst, cycle(t) FROM roads START WITH t = 'A' CONNECT BY NO CYCLE BY t, src == t, t = dst",
+         ["cycle(t) is False, for NO CYCLE BY t drops the steps of which it would be true; to keep them write WHERE"]),
+        ("SELECT LAST dst, cycle(t) FROM roads WHERE True START WITH t = 'A' CONNECT BY src == t, t = dst "
+         "STOP WITH cycle(t)", []),
     ],
 )  # fmt: skip
 def test_bounds_that_end_every_path(session, engine, script, begins) -> None:

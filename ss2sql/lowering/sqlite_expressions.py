@@ -30,7 +30,15 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, is_flag
 from ss2sql.language.operations import PREDICATES
-from ss2sql.language.plan_traversal import can_fail, has_constant_source, list_inside, list_sources, walk, walk_own
+from ss2sql.language.plan_traversal import (
+    can_fail,
+    has_constant_source,
+    list_inside,
+    list_parts,
+    list_sources,
+    walk,
+    walk_own,
+)
 from ss2sql.lowering import sql_builder, sqlite_forms
 from ss2sql.lowering.equality import SPECIAL_OPERATIONS
 from ss2sql.lowering.sql_builder import Node
@@ -76,12 +84,19 @@ def lower_memoized_reduction(lowering: ExpressionLowering, call: plan.Call, node
     inside = list_inside(call)
     queries = {part.id for part in walk(call) if isinstance(part, plan.Query)}
     keys: list[Node] = []
-    for part in walk(call):
+    parts: list[plan.Node] = [call]
+    while parts:
+        part = parts.pop()
+        column = next((known for expr, known in scope.known if expr == part), None)
+        if column is not None:
+            keys.append(column)
+            continue
         match part:
             case plan.Element(source=source) | plan.Column(source=source) if source not in inside:
                 keys.append(lowering.lower_value(part, scope))
             case plan.State(query=query) | plan.GroupKey(query=query) if query not in queries:
                 keys.append(lowering.lower_value(part, scope))
+        parts.extend(reversed(list(list_parts(part))))
     if not keys and not sql_builder.calls_python(node):
         return node  # SQLite evaluates it once
     number = sql_builder.number(lowering.needs.number_reduction(call))

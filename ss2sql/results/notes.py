@@ -48,10 +48,27 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
         for call in calls
         if call.name in FUNCTIONS and not call.builtin
     ]
+    notes += [note for each in searches for note in _note_constant_cycle(each)]
     notes += [node.hides for node in nodes if isinstance(node, plan.ValueSource) and node.hides]
     notes += _note_operands_of_sql(queries, nodes)
     notes += [note for node in nodes if isinstance(node, plan.Subquery) for note in _note_inner_elements(node.query)]
     return tuple(dict.fromkeys(notes))
+
+
+def _note_constant_cycle(query: plan.Query) -> Iterator[str]:
+    """That `cycle(k)` is False for every result of a search that drops the steps of which it would be true."""
+    search = query.search
+    assert search is not None
+    if search.repeats not in ("unique", "no cycle") or len(search.key) != 1 or search.by == "row":
+        return
+    call = f"cycle({write_in_script(search.key[0])})"
+    asked = (*(output.expr for output in query.columns), *split_and(query.where))
+    if any(isinstance(node, plan.Call) and node.span.text == call for expr in asked for node in walk(expr)):
+        dropping = f"{search.repeats.upper()} BY {write_in_script(search.key[0])}"
+        yield (
+            f"{call} is False, for {dropping} drops the steps of which it would be true; "
+            f"to keep them write WHERE True and STOP WITH {call} in place of {dropping}"
+        )
 
 
 def _is_query_of_one_value(expr: plan.Expr) -> bool:

@@ -282,6 +282,9 @@ def _explain_option(t: ParseFailure) -> ParseError | None:
             option = _OPTIONS[word] + (f" {following.text}" if following.kind == "INTEGER" else "")
             if word == "GREEDY" and t.tokens[index + 2].kind != "=":
                 option = f"HEURISTIC {following.text}"
+            prior = next((i for i in range(index, len(t.tokens)) if t.tokens[i].text.upper() == "PRIOR"), None)
+            if word == "NOCYCLE" and prior is not None:
+                option += f" BY {t.tokens[prior + 1].text},"
             return t.explain("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
                            f"write {option}", at=token)  # fmt: skip
     return None
