@@ -40,6 +40,32 @@ def test_python_has_the_value_where_sql_fails(ss: ss2sql.Session, script: str, v
     assert code_of(ss.run, script, engine="database") in ("X002", "X004")
 
 
+GUARDED = (
+    ("g, sum(x / y)", "g", "HAVING min(y) > 0 AS rows", [("a", 2.0)]),
+    ("g, CASE WHEN min(y) > 0 THEN sum(x / y) ELSE 0 END", "g", "AS rows", [("a", 2.0), ("b", 0)]),
+    ("IF(min(y) == 0; 0; sum(x / y) + max(x / y))", "g", "AS list", [4.0, 0]),
+    ("g", "g", "HAVING min(y) == 0 OR sum(x / y) > 1 AS list", ["a", "b"]),
+    ("x", "g", "HAVING min(y) > 0 AND sum([1, 2][y - 1]) > 1 AS list", {"a": [4]}),
+    ("sum(x / y)", "g, x", "HAVING False AS list", []),
+)
+
+
+@pytest.mark.parametrize(("shown", "key", "end", "value"), GUARDED)
+@pytest.mark.parametrize("search", ["", "START WITH n = 0 CONNECT BY MAXIMUM 9 n = n + 1 STOP WITH n == 0"])
+def test_what_guards_an_aggregate_guards_its_argument(
+    ss: ss2sql.Session, shown: str, key: str, end: str, value: Any, search: str
+) -> None:
+    ss.host.connection.execute("CREATE TABLE d(g, x, y); INSERT INTO d VALUES ('a', 4, 2), ('b', 1, 0), ('a', NULL, 1)")
+    last = "LAST" if search else ""
+    query = f"SELECT {last} {shown} FROM d WHERE x IS NOT NULL {search} GROUP BY {key} {end};"
+    assert ss.run(query).value == ss.run(query, engine="native").value == value
+    unguarded = f"SELECT {last} sum(x / y) FROM d WHERE x IS NOT NULL {search} GROUP BY g HAVING min(y) >= 0 AS list;"
+    with pytest.raises(ss2sql.ExecutionError, match="division by zero: 1 / 0") as caught:
+        ss.run(unguarded)
+    assert caught.value.span is not None
+    assert caught.value.span.text in ("/", "x / y")
+
+
 def test_a_compiled_query_that_gave_up_stays_native(ss: ss2sql.Session) -> None:
     query = ss.compile(DROPPED)
     assert "SELECT" in str(query.sql)

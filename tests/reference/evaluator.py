@@ -344,6 +344,8 @@ def in_group(expr: ast.Expr, group: sight.Group) -> tuple[Any, ...]:
     """A key or an aggregate of GROUP BY while the row of a group is made: a tuple of its value, or of nothing."""
     for node, values in group.aggregates:
         if node is expr:
+            for failed in (value for value in values if isinstance(value, groups.Failed)):
+                raise failed.reason
             if node.distinct:
                 values = tuple(
                     value for at, value in enumerate(values) if not any(map(equal, values[:at], [value] * at))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.frontend.syntax import ast
@@ -49,6 +49,21 @@ def calls_in(ref: Reference, node: Any) -> Iterator[ast.Call]:
         for part in node.__dataclass_fields__.values():
             if part.compare:
                 yield from calls_in(ref, getattr(node, part.name))
+
+
+@dataclass(frozen=True)
+class Failed:
+    """What an aggregate collects where its argument fails: that is raised if the aggregate is computed."""
+
+    reason: Exception
+
+
+def collected(ref: Reference, argument: ast.Expr, frame: Frame) -> Any:
+    """The value of an aggregate's argument in a row."""
+    try:
+        return ref.evaluate(argument, frame)
+    except Exception as reason:
+        return Failed(reason)
 
 
 def only_argument(call: ast.Call) -> ast.Expr:

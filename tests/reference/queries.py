@@ -122,7 +122,7 @@ def flat_rows(
 def finish(ref: Reference, query: ast.Query, rows: list[Row], frame: Frame, per_group: bool) -> Found:
     """What is read of a row besides its columns, in this order: aggregates, keys of GROUP BY and of ORDER BY."""
     calls = groups.aggregates_of(ref, query, per_group)
-    inputs = [None if call.star else ref.evaluate(groups.only_argument(call), frame) for call in calls]
+    inputs = [None if call.star else groups.collected(ref, groups.only_argument(call), frame) for call in calls]
     keys = [ref.alone(key, frame) for key in query.group]
     named = replace(frame, columns=names_of(query))
     order = [] if per_group else [order_value(ref, query, key.expr, rows, named) for key in query.order]

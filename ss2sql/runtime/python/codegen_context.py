@@ -144,7 +144,7 @@ class ExpressionAnalysis:
                 groups = frozenset({query})
             case plan.Aggregate(function=name, argument=argument):
                 fails = argument is not None and GROUPS[name].can_fail(argument.type)
-                groups, total = frozenset({OWN_GROUP}), not fails
+                groups, total = frozenset({OWN_GROUP}), total and not fails
             case plan.Query(id=query):
                 groups -= {query, OWN_GROUP}
             case plan.Subquery():
@@ -420,6 +420,7 @@ class CodegenContext:
         self.watched: plan.Query | None = None  # the search that trace.py hears of
         self.level_searched_query: plan.Query | None = None  # the search whose results `find` finds
         self.find: FindPaths | None = None
+        self.guarded_arguments: set[int] = set()  # of aggregates that may not be computed, by id: those that may fail
         self._bound: dict[Any, str] = {}
         self._count = 0
 

@@ -20,13 +20,14 @@ from collections.abc import Sequence
 from itertools import chain
 from typing import TYPE_CHECKING
 
+from ss2sql.errors import Stopped
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT
 from ss2sql.language.plan_traversal import can_end_early, has_array_calls, is_volatile, split_and, walk
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.call_code import CallStages, find_keyed_sources
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis, PythonScope
-from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
+from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, FailedArgument, generate_expression
 from ss2sql.runtime.python.source_lookups import find_index_lookups, find_range_lookups
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions, loops_over_query_rows
 from ss2sql.runtime.run.calls import FIRST, has_calls_without_arrays
@@ -60,6 +61,7 @@ class GroupCollector:
         self.first_rows = self.codegen.new_name("firsts")  # the values of groups by their keys
         self.lists: list[ast.expr] = []  # what is collected, a list for each
         self.of: list[int] = []  # by aggregate: its list
+        self.guarded: dict[int, int] = {}  # by the meaning of what may fail: its list
         self.place = len(outer.blocks[0]) if outer.level == 0 else 0
         outer.locals += [self.groups] if self.plain else [self.groups, self.first_rows]
 
@@ -90,7 +92,11 @@ class GroupCollector:
         if argument is None or (is_row_count(node) and self.codegen.analysis.facts(argument).total):
             return 0
         facts = self.codegen.analysis.facts(argument)
-        value = inner.name_or_constant(generate_expression(self.builder, argument, inner), build, node.function)
+        if id(argument) in self.codegen.guarded_arguments and facts.steady and facts.key is not None:
+            if facts.key in self.guarded:
+                return self.guarded[facts.key]
+            self.guarded[facts.key] = len(self.lists)
+        value = inner.name_or_constant(generate_key(self.builder, argument, inner), build, node.function)
         known = [getattr(one, "id", None) for one in self.lists]
         if isinstance(value, ast.Name) and facts.steady and value.id in known:
             return known.index(value.id)
@@ -201,13 +207,33 @@ def generate_row_and_keys(
     named = [(number, key.column) for number, key in enumerate(query.order, len(keys) - len(query.order))]
     shared = {number: column for number, column in named if column is not None and is_volatile(keys[number])}
     row = [generate_expression(builder, expr, body) for expr in outputs]
-    if shared:
+    if shared or any(id(key) in builder.codegen.guarded_arguments for key in keys):
         build = builder.codegen.build_at(query.span)
         row = [body.name_or_constant(value, build, "column") for value in row]
-    return row, [
-        row[shared[number]] if number in shared else generate_expression(builder, key, body)
-        for number, key in enumerate(keys)
-    ]
+    values = iter(generate_keys(builder, [key for number, key in enumerate(keys) if number not in shared], body))
+    return row, [row[shared[number]] if number in shared else next(values) for number in range(len(keys))]
+
+
+def generate_keys(builder: QueryCompiler, keys: Sequence[plan.Expr], body: PythonScope) -> list[ast.expr]:
+    """What is evaluated of a result besides its columns: by statements where one of them has to be tried."""
+    if not any(id(key) in builder.codegen.guarded_arguments for key in keys):
+        return [generate_expression(builder, key, body) for key in keys]
+    build = builder.codegen.build
+    return [body.name_or_constant(generate_key(builder, key, body), build, "key") for key in keys]
+
+
+def generate_key(builder: QueryCompiler, key: plan.Expr, body: PythonScope) -> ast.expr:
+    """The value of a key. The argument of an aggregate that may not be computed is tried: a failure is its value."""
+    codegen, build = builder.codegen, builder.codegen.build_at(key.span)
+    if id(key) not in codegen.guarded_arguments:
+        return generate_expression(builder, key, body)
+    with body.write_skippable():
+        value = generate_expression(builder, key, body)
+    name = codegen.new_name("argument")
+    codegen.use(Stopped)
+    failed = build.call(codegen.use(FailedArgument))
+    body.emit(build.try_unless_stopped(build.assign(name, value), build.assign(name, failed)))
+    return build.name(name)
 
 
 def list_key_expressions(query: plan.Query, aggregates: Sequence[plan.Aggregate]) -> list[plan.Expr]:

@@ -33,7 +33,7 @@ from ss2sql.runtime.python.located_code import AstBuilder, generate_template, lo
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
 from ss2sql.runtime.run.calls import make_call_key, report_memo_counts
-from ss2sql.runtime.run.post_processing import QueryForm, find_grouped_aggregates
+from ss2sql.runtime.run.post_processing import QueryForm, find_certain_aggregates, find_grouped_aggregates
 from ss2sql.runtime.run.run_state import Run, check_count_value, keep_bounded
 
 if TYPE_CHECKING:
@@ -265,6 +265,8 @@ class QueryCompiler:
             return body
 
         own, searched = find_grouped_aggregates(query), None
+        guarded = [node.argument for node in own if node not in find_certain_aggregates(query)]
+        codegen.guarded_arguments.update(id(expr) for expr in guarded if not codegen.analysis.facts(expr).total)
         if query.search is None:
             finder = flat_query.compile_flat_query(self, query, open_part("rows"), own)
         else:

@@ -31,7 +31,7 @@ from ss2sql.language.plan_traversal import list_plan_choices
 from ss2sql.language.values import SCALARS, make_hashable
 from ss2sql.runtime.python.call_code import generate_memoized_call, is_memoized_call
 from ss2sql.runtime.python.codegen_context import OWN_GROUP, CodegenContext, PythonScope
-from ss2sql.runtime.python.located_code import AstBuilder
+from ss2sql.runtime.python.located_code import AstBuilder, locate_in_script
 from ss2sql.runtime.python.source_lookups import bind_column_reader, bind_element_reader
 from ss2sql.runtime.run.post_processing import make_group_aggregation
 from ss2sql.runtime.run.run_state import Run
@@ -342,8 +342,11 @@ def _generate_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScop
         case plan.GroupKey():
             return build.name(body.list_visible_groups[get_group_key(node)])
         case plan.Aggregate(function=function):  # not before it is needed: HAVING may drop what it fails on
+            aggregate = make_group_aggregation(node)
+            if id(node.argument) in codegen.guarded_arguments:
+                aggregate = raise_failed_arguments(aggregate)
             return build.call(
-                codegen.embed(make_group_aggregation(node), function),
+                codegen.embed(aggregate, function),
                 build.name(body.list_visible_groups[get_group_key(node)]),
             )
         case plan.Subquery():
@@ -384,6 +387,28 @@ def _count_nested_values(known: Type) -> int:
 def get_group_key(node: plan.GroupKey | plan.Aggregate) -> tuple[int, int]:
     """What a body's `groups` know the value of a group by: its query, and the position or the node."""
     return (node.query, node.index) if isinstance(node, plan.GroupKey) else (OWN_GROUP, id(node))
+
+
+class FailedArgument:
+    """What stands among the values of an aggregate for one that fails: the exception that is being handled."""
+
+    __slots__ = ("error",)
+
+    def __init__(self) -> None:
+        error = sys.exception()
+        assert isinstance(error, Exception)
+        self.error = locate_in_script(error)  # now, since it looks at the values of the row
+
+
+def raise_failed_arguments(aggregate: Callable[[list[Any]], Any]) -> Callable[[list[Any]], Any]:
+    """The aggregate, which raises the first failure among its values."""
+
+    def aggregate_values(values: list[Any]) -> Any:
+        if FailedArgument in map(type, values):
+            raise next(value.error for value in values if type(value) is FailedArgument)
+        return aggregate(values)
+
+    return aggregate_values
 
 
 def generate_element(body: PythonScope, source: int, build: AstBuilder) -> ast.expr:

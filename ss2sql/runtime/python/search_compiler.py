@@ -31,7 +31,7 @@ from ss2sql.language.plan_traversal import find_direct_assignments, walk
 from ss2sql.language.values import FREEZERS, THAWERS, UNSET, FrozenShapes, Shape, State, freeze_any
 from ss2sql.runtime.python.codegen_context import OWN_GROUP, ExpressionFacts, PythonScope
 from ss2sql.runtime.python.edge_search import EdgeSearch, find_edge_search, make_edge_walk
-from ss2sql.runtime.python.flat_query import list_key_expressions
+from ss2sql.runtime.python.flat_query import generate_keys, list_key_expressions
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, name_frozen_variables
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
@@ -416,5 +416,5 @@ def _generate_last_step_keys(
     names = [codegen.names[source.id] for source in query.sources]
     names += [codegen.states[query.id, state] for state, _ in query.search.start]
     body.emit(build.unpack(names, build.name("last")))
-    body.emit(build.return_(build.pack(*(generate_expression(builder, key, body) for key in keys))))
+    body.emit(build.return_(build.pack(*generate_keys(builder, keys, body))))
     body.define_function()

@@ -12,7 +12,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS
-from ss2sql.language.plan_traversal import walk_own
+from ss2sql.language.plan_traversal import list_parts, walk_own
 from ss2sql.language.rows import Row, Rows, build_row_limit_error
 from ss2sql.language.values import make_hashable, order_positions, order_rows
 from ss2sql.lowering.sql_query import SqlQuery
@@ -190,6 +190,26 @@ def find_grouped_aggregates(query: plan.Query) -> list[plan.Aggregate]:
     places += [key.expr for key in query.order] if query.aggregated else []
     found = (node for place in places for node in walk_own(place) if isinstance(node, plan.Aggregate))
     return list({id(node): node for node in found}.values())  # equal ones are one
+
+
+def find_certain_aggregates(query: plan.Query) -> list[plan.Aggregate]:
+    """The aggregates that are computed of every group: no HAVING, AND, OR or IF keeps from it."""
+    found, ahead = list[plan.Aggregate](), list[Any]()
+    if query.having is not None:
+        ahead.append(query.having)
+    elif query.aggregated:
+        ahead += [*(output.expr for output in query.columns), *(key.expr for key in query.order)]
+    while ahead:
+        match ahead.pop():
+            case plan.Aggregate() as node:
+                found.append(node)
+            case plan.And(parts=(first, *_)) | plan.Or(parts=(first, *_)) | plan.If(condition=first):
+                ahead.append(first)
+            case plan.Query():
+                continue
+            case node:
+                ahead += list_parts(node)
+    return found
 
 
 def is_row_count(node: plan.Aggregate) -> bool:
