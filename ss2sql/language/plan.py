@@ -193,11 +193,12 @@ class Variable(Node):
 
 @dataclass(frozen=True, slots=True)
 class Temporal(Node):
-    """`name{}` (when is None: all kept values) or `name{when}`."""
+    """`name{}` (when is None: all kept values) or `name{when}`; `times` asks for the times of these values."""
 
     name: str
     when: Expr | None
     type: Type = ANY
+    times: bool = False
 
 
 @dataclass(frozen=True, slots=True)

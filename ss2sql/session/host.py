@@ -233,7 +233,7 @@ class SessionHost:
         self.own = SessionFunctions(self)
         for name, row in OPERATIONS.items():
             # The database has its own `==` and `!=`; the others are constructs of the plan.
-            if name not in ("eq", "ne", "eval", "to"):
+            if name not in ("eq", "ne", "eval", "to", "times"):
                 self.database.register_builtin(name, row.value or self.own.get_function(name))
 
     @cached_property
@@ -473,8 +473,8 @@ class SessionHost:
                 return convert_clock_time(moment, f"the clock of {attached.name}")
         return time.time()
 
-    def read_temporal(self, name: str, when: Any) -> Any:
-        value = self.names.read_temporal(name, when)
+    def read_temporal(self, name: str, when: Any, times: bool) -> Any:
+        value = self.names.read_temporal(name, when, times)
         ValueSizes(self.limits.max_size).check_value(value)
         return value
 

@@ -256,9 +256,10 @@ class Variables:
 
     # --- temporal variables ----------------------------------------------------------------------------
 
-    def read_temporal(self, name: str, when: Any) -> Any:
+    def read_temporal(self, name: str, when: Any, times: bool = False) -> Any:
         """`name{}` (when is None) is the list of kept values; `name{-2.0}` those in force in the last two
-        seconds, `name{22.2}` the one in force at that time, or None. Raises ExecutionError X007 for another name."""
+        seconds, `name{22.2}` the one in force at that time, or None; with `times`, when these were stored.
+        Raises ExecutionError X007 for another name."""
         if name not in self.histories:
             hint = f"store it with {name}{{5.0}} = ..."
             raise ExecutionError("X007", f"'{name}' is not a temporal variable", hints=(hint,))
@@ -266,13 +267,14 @@ class Variables:
         values, keep = self.histories[name]
         values = keep_in_force(values, keep, now)
         self.histories[name] = values, keep
+        part = 0 if times else 1
         if when is None:
-            return [value for _, value in values]
+            return [stored[part] for stored in values]
         moment = convert_variable_seconds(when, "the moment")
         if moment >= 0:
             index = bisect_right([time for time, _ in values], moment) - 1
-            return values[index][1] if index >= 0 else None
-        return [value for _, value in keep_in_force(values, -moment, now)]
+            return values[index][part] if index >= 0 else None
+        return [stored[part] for stored in keep_in_force(values, -moment, now)]
 
     def store_temporal(self, name: str, keep: Any, value: Any) -> None:
         """`name{keep} = value`. Raises as `forget_name` does, and X007 for a wrong time."""

@@ -232,6 +232,11 @@ class Reference:
                 case "to":
                     groups.arity(expr, 2)
                     return self.evaluate(expr.arguments[0], frame)
+                case "times":
+                    groups.arity(expr, 1)
+                    if not isinstance(expr.arguments[0], ast.Temporal):
+                        raise Failure("R014", "times outside of a reading")
+                    return self.temporal(expr.arguments[0], frame, 0)
                 case "getTime":
                     groups.arity(expr, 0)
                     return self.now()
@@ -295,7 +300,7 @@ class Reference:
     def now(self) -> Any:
         return self.call_user("getTime", [], {}) if "getTime" in self.functions else self.clock()
 
-    def temporal(self, expr: ast.TemporalAssign | ast.Temporal, frame: Frame | None) -> Any:
+    def temporal(self, expr: ast.TemporalAssign | ast.Temporal, frame: Frame | None, part: int = 1) -> Any:
         if isinstance(expr, ast.TemporalAssign):
             keep, value = self.evaluate(expr.keep, frame), self.evaluate(expr.value, frame)
             history = self.history.setdefault(expr.name, History())
@@ -305,7 +310,7 @@ class Reference:
         if expr.name not in self.history:
             raise Failure("R001", f"{expr.name} has no history")
         when = None if expr.when is None else self.evaluate(expr.when, frame)
-        return self.history[expr.name].read(self.now(), when)
+        return self.history[expr.name].read(self.now(), when, part)
 
 
 class History:
@@ -317,21 +322,21 @@ class History:
 
     def store(self, now: float, keep: float, value: Any) -> None:
         self.keep = keep
-        self.entries.append((now, value))
+        self.entries.append((float(now), value))
 
     def since(self, start: float) -> list[tuple[float, Any]]:
         """The entries that were stored or in force at `start` or later: the last one always is."""
         ends = [time for time, _ in self.entries[1:]]
         return [entry for entry, end in zip(self.entries, ends, strict=False) if end >= start] + self.entries[-1:]
 
-    def read(self, now: float, when: float | None) -> Any:
-        """`v{}`, `v{-seconds}` or `v{time}` at the time `now`."""
+    def read(self, now: float, when: float | None, part: int) -> Any:
+        """`v{}`, `v{-seconds}` or `v{time}` at the time `now`: the values, or their times where `part` is 0."""
         self.entries = self.since(now - self.keep)
         if when is None:
-            return [value for _, value in self.entries]
+            return [entry[part] for entry in self.entries]
         if when < 0:
-            return [value for _, value in self.since(now + when)]
-        before = [value for time, value in self.entries if time <= when]
+            return [entry[part] for entry in self.since(now + when)]
+        before = [entry[part] for entry in self.entries if entry[0] <= when]
         return before[-1] if before else None
 
 

@@ -389,6 +389,14 @@ class Resolver:
         moment = None if when is None else self.record_errors(self.resolve_expr, when, scope)
         return plan.Temporal(name, moment, ANY, span=span)
 
+    def resolve_times(self, reading: ast.Expr, scope: Scope | None, span: Span) -> plan.Expr:
+        """`times(v{...})`: the reading that gives the times in place of the values."""
+        found = self.resolve_expr(reading, scope)
+        if not isinstance(found, plan.Temporal) or found.times:
+            hint = "write times(v{}) for the times of v{}, which v{5.0} = ... stores"
+            raise ResolveError("R014", "times is asked of a reading of a temporal variable", span, (hint,))
+        return replace(found, times=True, span=span)
+
     # --- calls -----------------------------------------------------------------------------------------
 
     def call_tree(self, tree: ast.Call, scope: Scope | None) -> plan.Expr:
@@ -410,6 +418,9 @@ class Resolver:
         if function.builtin and name == "to":
             hint = "write it around a whole column of SELECT, and the expression itself here"
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
+        if function.builtin and name == "times":
+            self.check_arity(function, len(tree.arguments), span)
+            return self.resolve_times(tree.arguments[0], scope, span)
         if function.builtin and name == "join" and tree.arguments and is_value_syntax(tree.arguments[0]):
             query = tree.arguments[0].span
             hint = f"write {query.text if len(query.text) <= 60 else 'SELECT ...'} AS list, with one column"

@@ -107,6 +107,10 @@ SPECIAL_FORMS = (
         about="the time of temporal variables, in seconds",
     ),
     _declare_form(
+        "times", 1, ANY, call="times(v{})", example="[v{5.0} = 1, len(times(v{}))]",
+        about="when the values of v{}, v{-2.0} or v{22.2} were stored, in seconds of getTime()",
+    ),
+    _declare_form(
         "eval", 1, ANY, call="eval(text)", example="eval('1 + 1')",
         about="runs a text as a script, in sight of the current row",
     ),

@@ -581,7 +581,7 @@ def _generate_variable_access(
             return build.call_method("run.assign_variable", name, write_part(value))
         case plan.Temporal(when=when):
             read = build.constant(None) if when is None else write_part(when)
-            return build.call_method("run.host.read_temporal", name, read)
+            return build.call_method("run.host.read_temporal", name, read, build.constant(node.times))
         case plan.TemporalAssign(keep=keep, value=value):
             parts = (write_part(keep), write_part(value))
             return build.call(codegen.use(store_run_temporal), build.name("run"), name, *parts)
