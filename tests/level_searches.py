@@ -31,6 +31,7 @@ FORMS = (
     " STOP WITH len(m) > 4 GROUP BY n AS list",
     "SELECT x.this FROM x = (SELECT this FROM near(n) WHERE this < 5 AS list) START WITH n = 1"
     " CONNECT BY {} n = x.this AS rows",
+    "SELECT n FROM moves START WITH n = 1 CONNECT BY {} n = n + 1 STOP WITH n > 2",  # reads no element
 )
 SHORT = "SELECT n + this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = n + this STOP WITH n > 2 AS list;"
 BY_LENGTH = ("BREADTH FIRST", "UNIQUE", "BREADTH FIRST NO CYCLE")

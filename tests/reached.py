@@ -81,7 +81,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def write(file: Path, seconds: dict[str, float], texts: dict[str, str]) -> None:
     """Notes a file of tests as it is now: how long each of its tests takes, and the texts that they reach."""
-    row = {"of": digest(read_with_data(file)), "seconds": seconds, "texts": texts}
+    row = {"of": digest(read_with_data(file)), "seconds": seconds, "texts": texts, "package": str(PACKAGE)}
     place(file, "json").write_text(json.dumps(row), encoding="utf-8")
 
 
@@ -125,7 +125,8 @@ def known(files: Iterable[str], tests: Container[str]) -> tuple[Reached, dict[st
         data = coverage.CoverageData(str(path.with_suffix(".coverage")))
         data.read()
         for file in reached.keys() & row["texts"].keys():
-            contexts = data.contexts_by_lineno(str(PACKAGE / file))
+            # Of a folder that was copied, what it reached keeps the names that it had.
+            contexts = data.contexts_by_lineno(str(Path(row.get("package", PACKAGE)) / file))
             for line, then in enumerate(lines_then(file, row["texts"][file]), 1):
                 reached[file][line] += [test for test in contexts.get(then, ()) if test in tests and test in seconds]
     return reached, seconds

@@ -62,10 +62,8 @@ def lower(
         bookkeeping = search.describe_steps()
         keys, orders = ((), ()) if query.aggregated else (query.group, query.order)
     elif query.aggregated:
-        is_sorted, is_limited = True, _can_limit_in_sql(query)
-        select = selects.lower_rows(
-            query if is_limited else replace(query, limit=None, offset=None), SqlScope(), _name_sql_columns(query)
-        )
+        is_sorted, is_limited = True, query.limit is not None
+        select = selects.lower_rows(query, SqlScope(), _name_sql_columns(query))
         keys, orders = (), ()
     else:
         is_sorted = can_sort_in_sql(query)
@@ -158,7 +156,7 @@ def _find_walked_sql_parameters(select: exp.Select, needs: StatementNeeds) -> fr
     for node in select.find_all(exp.Placeholder):
         call = node.parent
         table = needs.modules.get(call.name) if isinstance(call, exp.Anonymous) else None
-        if table is None or table.function is not None or node.arg_key != "expressions" or node.index:
+        if table is None or table.function is not None or node.index:
             read.add(node.name)
     return frozenset(needs.parameters) - read
 

@@ -108,9 +108,7 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
             case exp.And():
                 return sql_builder.join_by_and([fill_node(part) for part in node.flatten()])
             case exp.Binary():
-                made: Node = sql_builder.binary(type(node), fill_node(node.this), fill_node(node.expression))
-                made.set("typed", True if isinstance(node, exp.Div) else None)  # sqlglot adds no cast of its own
-                return finish(made)
+                return finish(sql_builder.binary(type(node), fill_node(node.this), fill_node(node.expression)))
         made = node.copy()
         for name, part in node.args.items():
             if isinstance(part, list):
@@ -125,14 +123,12 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
 
 
 def _finish_sql_form(node: Node) -> Node:
-    """Names of functions as they are written, and a float of an integer that is written out."""
+    """Names of functions as they are written."""
     match node:
         case exp.Anonymous():
             return sql_builder.call(node.name, *node.expressions)
         case exp.Chr():
             return sql_builder.call("char", *node.expressions)
-        case exp.Cast(this=exp.Literal() as known) if node.to.sql("sqlite") == "REAL" and known.this.isdigit():
-            return exp.Literal.number(f"{known.this}.0")
     return node
 
 
@@ -186,8 +182,7 @@ def lower_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) 
 def _choose_form(call: plan.Call) -> Form | None:
     """The first form that fits; one without a check where the call cannot fail."""
     for form in OPERATIONS[call.function.name].sqlite:
-        operands = _get_operands(form, call)
-        fits = operands and form.when([argument.type for argument in operands])
+        fits = form.when([argument.type for argument in _get_operands(form, call)])
         if fits and (_get_check(form, call) or not call.function.raises) and _find_sql_calls(form) <= SQLITE_FUNCTIONS:
             return form
     return None

@@ -57,9 +57,8 @@ def _find_nested_order(query: plan.Query) -> Iterator[Span]:
 
 def _find_nested_limit(query: plan.Query) -> Iterator[Span]:
     """A LIMIT is bound before the statement runs, and SQLite takes a negative one for none."""
-    for limit in (query.limit, query.offset):
-        if limit is None:
-            continue
+    limits = query.limit, query.offset
+    for limit in (one for one in limits if one is not None):
         is_count = limit.type.is_only(Kind.INT) and limit.type.is_at_least(0)
         reads_rows = list_sources(limit) or list_states(limit)
         if not is_count or reads_rows or any(isinstance(node, plan.GroupKey) for node in walk(limit)):

@@ -45,13 +45,13 @@ def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
     script = "SELECT a FROM t, n = numbers WHERE a < n.this + least AND a != least AND a != nobody LIMIT most"
     result = ss.run("nobody = None; " + script, numbers=[1, 2], least=3, most=5)
     assert result.engine == "duckdb"
-    assert result.sql.parameters == {"least": 3, "most_rows": 5}
+    assert result.sql.parameters == {"least": 3, "limit": 5}
     assert "3" not in result.sql
     text = str(result.explain())
     for line in (
         "engine: duckdb: engine='duckdb' was given",
         "$least = 3",
-        "$most_rows = 5, which is most",
+        "$limit = 5, which is most",
     ):
         assert line in text, line
     assert "SELECT" in str(ss.compile("SELECT a FROM t").explain())

@@ -53,7 +53,7 @@ LISTED_AGGREGATES = {
     for name, row in GROUPS.items()
     if not row.portable and row.result(FLOAT).is_only(Kind.FLOAT | Kind.NONE)
 }
-LIMIT_PARAMETER = "most_rows"  # the parameter that has the value of LIMIT
+LIMIT_PARAMETER = "limit"  # has the value of LIMIT: no variable is called as a keyword
 MAX_WRITTEN_ROWS = 100  # elements of a list that the script spells out
 
 
@@ -205,7 +205,6 @@ class _ExactSqlExpressions(PortableExpressions):
     def __init__(self) -> None:
         super().__init__()
         self.names = ColumnNames()
-        self.names.claim(LIMIT_PARAMETER, LIMIT_PARAMETER)
         self.functions: dict[str, plan.Call | None] = {}
 
     def name_parameter(self, name: str) -> str:

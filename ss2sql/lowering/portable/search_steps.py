@@ -81,7 +81,7 @@ class _StepWriter:
         assert query.search is not None
         self.query, self.search = query, query.search
         self.portable = PortableExpressions()
-        self.reads: list[tuple[plan.Element | plan.Column, TypedColumn]] = []
+        self.reads: list[tuple[plan.Expr, TypedColumn]] = []
         for node in walk(query):
             if isinstance(node, plan.Call) and not node.function.builtin:
                 raise build_refusal(f"{node.function.name} is a Python function", node.span)
@@ -166,10 +166,9 @@ class _StepWriter:
     def _query_elements(self) -> plan.Query:
         """What is read of the sources, for each combination in their order that may be one of elements."""
         fixed = [part for part in self.conditions if not list_states(part)]
-        columns = tuple(plan.Output(column.name, expr) for expr, column in self.reads)
         return replace(
             self.query,
-            columns=columns or (plan.Output("nothing", plan.Constant(0, INT, span=self.query.span)),),
+            columns=tuple(plan.Output(column.name, expr) for expr, column in self.reads),
             sources=tuple(self.sources),
             where=plan.And(tuple(fixed), BOOL, span=self.query.span) if fixed else None,
             search=None,
@@ -202,6 +201,8 @@ class _StepWriter:
         items = [frontier, sql_builder.table("elements", "elements")]
         matched = joined if apart else [expanded, *joined]
         select = sql_builder.select(outputs, items, sql_builder.conjunction([*matched, *kept]))
+        if not self.reads:  # a table has a column
+            self.reads.append((plan.Constant(0, INT, span=self.query.span), TypedColumn("nothing", "BIGINT")))
         count = sql_builder.select([exp.Count(this=exp.Star())], items, sql_builder.conjunction(matched))
         states = tuple(column for _, column in self.states)
         return StepSelect(

@@ -81,8 +81,8 @@ def read_keys_as_columns(query: plan.Query, world: RewriteContext) -> plan.Query
                 return plan.Column(source, name, columns[source][name], span=node.span)
             case plan.Call(
                 function=plan.Function(name="item", builtin=True),
-                arguments=(plan.Column(source=source, name=name), plan.Constant(value=int(index), type=kind)),
-            ) if source in worlds and kind.is_only(Kind.INT):
+                arguments=(plan.Column(source=source, name=name), plan.Constant(value=int(index))),
+            ) if source in worlds:
                 items = worlds[source].table.schema.items.get(name, ())
                 if -len(items) <= index < len(items):
                     return resolve_source_column(worlds[source], items[index], node.span)

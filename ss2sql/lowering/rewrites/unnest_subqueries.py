@@ -83,9 +83,8 @@ def _is_plain_query(query: plan.Query) -> bool:
         query.search or query.grouped or query.limit or query.representation.arguments or query.representation.named
     )
     keys = any(can_fail(key.expr) for key in query.order)
-    labelled = any(output.label is not None or output.star for output in query.columns)
     alone = len(query.sources) == 1
-    return alone and not (shaped or keys or labelled) and query.representation.name in LIST_FORMS
+    return alone and not (shaped or keys) and query.representation.name in LIST_FORMS
 
 
 def _list_elements(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | None:

@@ -244,13 +244,10 @@ class SqlSteps(PythonSteps):
         assert query is not None
         table = None if fetch is None else fetch(query, search_run.run)
         if table is None:
-            table = table_of_rows(self._list_fetched(query), NativeQuery(query).compute_rows(search_run.run).rows or ())
+            table = table_of_rows(self.steps.reads, NativeQuery(query).compute_rows(search_run.run).rows or ())
         if len(table) > MAX_ELEMENTS:
             raise build_sql_limit_error("FROM")
-        self.elements = number_rows(written.elements, table.select(range(len(self.steps.reads))))
-
-    def _list_fetched(self, query: plan.Query) -> tuple[TypedColumn, ...]:
-        return self.steps.reads or (TypedColumn(query.columns[0].name, "BIGINT"),)
+        self.elements = number_rows(written.elements, table)
 
     def count_tries(self, expanded: int, generated: int | None) -> None:
         """Counts the states that were expanded, and the elements that they have: all unless there is a number."""
