@@ -24,9 +24,9 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import can_fail, list_sources, split_and, walk
+from ss2sql.lowering.rewrites.constant_folding import fold_node
 from ss2sql.lowering.rewrites.rewrite_context import (
     RewriteContext,
-    list_items,
     make_call,
     make_constant,
     rewrite_bottom_up,
@@ -143,9 +143,8 @@ def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
     positions = expr.type.positions
     if not expr.type.is_only(Kind.LIST) or positions is None or len(positions) not in (2, 3):
         return ()
-    return list_items(expr) or tuple(
-        make_call("item", expr, make_constant(index, expr.span), span=expr.span) for index in range(len(positions))
-    )
+    places = [make_constant(index, expr.span) for index in range(len(positions))]
+    return tuple(fold_node(make_call("item", expr, place, span=expr.span)) for place in places)
 
 
 def _is_distance_to_rewrite(expr: plan.Expr) -> bool:
