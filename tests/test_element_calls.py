@@ -65,6 +65,7 @@ def test_the_text_calls_the_function_nowhere_else() -> None:
         # Asked of some steps only, or with other arguments elsewhere, which one memory serves.
         "SELECT 1 FROM moves WHERE n > 1 AND next(this, n) == 5 START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n > 2;",
         "SELECT next(this, n) FROM moves START WITH n = 0 CONNECT BY n = next(1, n) STOP WITH n == 3;",
+        "SELECT 1 FROM moves WHERE next(this, n) == 3 START WITH n = 0 CONNECT BY this < 2 AND n < 3, n = n + 1;",
         "SELECT next(this + 1, n) FROM moves START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 3;",
     ],
 )
