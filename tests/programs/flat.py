@@ -390,7 +390,8 @@ class Flat(Expressions):
             shown.append(f"(SELECT [d.this, {keys[0]}] FROM d = xs WHERE d.this != {keys[0]} AS list)")
         if choices.chance(15):  # groups in a group, with an aggregate that looks like that around
             self.variable("xs")
-            shown.append("(SELECT [d.this, count(*)] FROM d = xs GROUP BY d.this HAVING count(*) > 0 AS list)")
+            inner = "(SELECT [d.this, count(*)] FROM d = xs GROUP BY d.this HAVING count(*) > 0 AS list)"
+            shown.append(choices.pick((inner, "count(SELECT d.this FROM d = xs AS list)")))
         ordering = choices.pick((self.aggregate(sight), keys[0]))
         order = f"ORDER BY {key_of(ordering)}{choices.pick(('', ' DESC'))}" if choices.chance(35) else ""
         return ", ".join(choices.shuffled(shown)), [group, order, self.limit()]

@@ -18,10 +18,15 @@ if TYPE_CHECKING:
 
 
 NOWHERE = Frame(None)
+VALUES = ("value", "val")
 
 
 def is_aggregate(ref: Reference, node: Any) -> bool:
-    return isinstance(node, ast.Call) and node.function in AGGREGATES and node.function not in ref.functions
+    """Whether it aggregates the rows of a group; a query among its arguments is a list of its own."""
+    if not isinstance(node, ast.Call) or node.function not in AGGREGATES or node.function in ref.functions:
+        return False
+    inner = (one for one in node.arguments if isinstance(one, ast.Query))
+    return all(queries.representation_of(one) in VALUES for one in inner)
 
 
 def aggregates_of(ref: Reference, query: ast.Query, per_group: bool) -> list[ast.Call]:

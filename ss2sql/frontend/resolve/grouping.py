@@ -121,7 +121,7 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
                 _refuse_star_within(resolver, "count", argument, "SELECT DISTINCT")
             return expr  # its argument reads rows, so no key of the group belongs into it
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (
-            name in GROUPS and not within
+            name in GROUPS and not within and not _is_list_query(argument)
         ):
             _refuse_star_within(resolver, name, argument)
             _refuse_aggregate_within(resolver, expr, argument)
@@ -129,7 +129,9 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
             if not query.group:  # there may be no row
                 kind = unite((kind, type_of(GROUPS[name].nothing)))
             return plan.Aggregate(name, argument, kind, not query.group, span=expr.span)
-        case plan.Call(function=plan.Function(name=name, collects=True), arguments=(argument, *others)) if not within:
+        case plan.Call(function=plan.Function(name=name, collects=True), arguments=(argument, *others)) if (
+            not within and not _is_list_query(argument)
+        ):
             _refuse_star_within(resolver, name, argument)
             kind = GROUPS["collect"].type_of_group(argument.type)
             collected = plan.Aggregate("collect", argument, kind, not query.group, span=expr.span)
@@ -138,6 +140,11 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
     within = within or isinstance(expr, plan.Query)
     lifted = rebuild_node(expr, lambda part: _lift_aggregates(resolver, part, query, within))
     return lifted if lifted is expr else _resolve_type_again(resolver, lifted)
+
+
+def _is_list_query(argument: plan.Expr) -> bool:
+    """Whether an aggregate works on the list that its argument is, a query, and not on the rows of the group."""
+    return isinstance(argument, plan.Subquery) and argument.query.representation.name != "value"
 
 
 def _resolve_type_again(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
