@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,101 @@ def test_state_that_rows_do_not_tell(session, engine, option, columns, goal, sto
     assert note.startswith(f"{word} compares rows, and {clauses} {names}, which SELECT does not name")
     missing = names.replace(" and ", ", ")
     assert session.run(walk(f"{columns}, {missing}", goal, option, stop), engine=engine).notes == ()  # the cure
+
+
+STAMPS = ["2024-01-01", "2024-01-02"]
+
+
+def make_frames() -> dict[str, object]:
+    """Times in data frames of several makers, one with a zone."""
+    pandas, polars, pyarrow = map(pytest.importorskip, ("pandas", "polars", "pyarrow"))
+    stamps = [datetime.fromisoformat(text) for text in STAMPS]
+    return {
+        "pandas": pandas.DataFrame({"t": pandas.to_datetime(STAMPS), "v": [1, 2]}),
+        "polars": polars.DataFrame({"t": stamps, "v": [1, 2]}),
+        "arrow": pyarrow.table({"t": pyarrow.array(stamps, pyarrow.timestamp("ms", "UTC")), "v": [1, 2]}),
+    }
+
+
+@pytest.mark.parametrize("engine", ["native", "database"])
+@pytest.mark.parametrize("maker", ["pandas", "polars", "arrow"])
+@pytest.mark.parametrize(
+    ("condition", "written", "value"),
+    [
+        ("t == '{}'", "2024-01-01 00:00:00", [1]),
+        ("t <= '{}'", "2024-01-01", [1]),
+        ("t < '{}'", "2024-01-01 12:00", [1]),
+        ("'{}' < t", "2024-01-01 12:00", [2]),
+        ("t NOT IN ['x', '{}']", "2024-01-01T00:00", [2]),
+        ("t BETWEEN '{}' AND 'z'", "2024-01-01 12:00", [2]),
+        ("t == when", "2024-01-01 00:00:00", [1]),
+        ("a.t == '{}'", "2024-01-01T00:00:00.000", [1]),
+        ("t >= '{}'", "2024-01-02", None),
+        ("t < '{}'", "2024-01-02", None),
+        ("t == '{}'", "noon", None),
+        ("v == '{}'", "2024-01-02", None),
+    ],
+)
+def test_times_of_frames_in_another_spelling(engine, maker, condition, written, value) -> None:
+    with ss2sql.connect() as ss:
+        ss.attach("f", make_frames()[maker])
+        source = "a = (SELECT t, v FROM f)" if "a." in condition else "f"
+
+        def ask(text: str) -> ss2sql.Result:
+            script = f"SELECT v FROM {source} WHERE {condition.format(text)} AS list;"
+            return ss.run(script, engine=engine, **({"when": text} if "when" in condition else {}))
+
+        notes = [note for note in ask(written).notes if "is a text such as" in note]
+        if value is None:
+            assert notes == []
+            return
+        note = next(note for note in notes if repr(written) in note)
+        cured = ask(note.rpartition("write ")[2].strip("'"))
+        assert cured.value == value
+        assert cured.notes == ()
+
+
+@pytest.mark.parametrize("engine", ["native", "database"])
+@pytest.mark.parametrize(
+    ("query", "value"),
+    [
+        ("v FROM f WHERE t == when", [1]),
+        ("v FROM f WHERE when != t", [2]),
+        ("v FROM f WHERE t == datetime('2024-01-01')", [1]),
+        ("v FROM f WHERE t IN [when]", [1]),
+        ("v FROM f WHERE t NOT IN (SELECT at FROM ev)", [2]),
+        ("v FROM f JOIN ev ON f.t == ev.at", [1]),
+    ],
+)
+def test_a_text_never_equals_a_time(engine, query, value) -> None:
+    with ss2sql.connect() as ss:
+        ss.attach("f", make_frames()["pandas"])
+        day = datetime(2024, 1, 1)
+        ss.set("ev", [{"at": day}])
+        given = {"when": day} if "when" in query else {}
+        (note,) = ss.run(f"SELECT {query} AS list;", engine=engine, **given).notes
+        cure = note.rpartition("for a time write ")[2]
+        start = query.partition(" ON " if " ON " in query else " WHERE ")
+        cured = ss.run(f"SELECT {start[0]}{start[1]}{cure} AS list;", engine=engine, **given)
+        assert (cured.value, cured.notes) == (value, ())
+
+
+def test_an_element_of_a_world_never_equals_a_text_or_number(client) -> None:
+    hall = ss2sql.scenes.hall(seed=0, client=client)
+    with ss2sql.connect() as ss:
+        ss.attach("space", hall)
+        for query, cure in (
+            ("name FROM space WHERE this == 'YouBot'", "write this.name == 'YouBot'"),
+            ("name FROM space WHERE obj IN ['YouBot']", "write obj.name IN ['YouBot']"),
+            ("a.id FROM space.contacts WHERE 'YouBot' == a", "write 'YouBot' == a.name"),
+            ("l.name FROM b = space JOIN l = space.links ON l.body == b.this", "write l.body == b.this.id"),
+        ):
+            (note,) = ss.run(f"SELECT {query} AS list;").notes
+            assert note.endswith(cure)
+            start = query.partition(" ON " if " ON " in query else " WHERE ")
+            cured = ss.run(f"SELECT {start[0]}{start[1]}{cure.removeprefix('write ')} AS list;")
+            assert cured.notes == ()
+        assert ss.run("SELECT a.name FROM a = space, b = space WHERE a.this == b.obj;").notes == ()
 
 
 def count(

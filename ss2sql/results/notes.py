@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime, time
+from typing import Any, NamedTuple
 
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind
+from ss2sql.language.kinds import NOTHING, Kind
 from ss2sql.language.plan_traversal import (
     can_vary_with,
     find_direct_assignments,
@@ -28,6 +30,7 @@ from ss2sql.language.plan_traversal import (
 from ss2sql.language.rows import Rows
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.run.run_state import Stats
+from ss2sql.vtables.frames import Frame
 
 
 def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
@@ -51,6 +54,7 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
     notes += [note for each in searches for note in _note_constant_cycle(each)]
     notes += [node.hides for node in nodes if isinstance(node, plan.ValueSource) and node.hides]
     notes += _note_operands_of_sql(queries, nodes)
+    notes += _note_unequal_kinds(nodes)
     notes += [note for node in nodes if isinstance(node, plan.Subquery) for note in _note_inner_elements(node.query)]
     return tuple(dict.fromkeys(notes))
 
@@ -199,6 +203,148 @@ def _note_operands_of_sql(queries: list[plan.Query], nodes: list[plan.Node]) -> 
         if isinstance(text, plan.Constant) and text.span.text.startswith('"') and str(text.value) in names:
             column = text.value if text.value.isidentifier() else f"this[{text.span.text}]"
             yield f"{text.span.text} is a text; for the column of this name write {column}"
+
+
+_EQUALITIES = {"eq": "==", "ne": "!=", "in": "IN", "not_in": "NOT IN"}
+_PLAIN = Kind.STR | Kind.NUMBER
+
+
+def _note_unequal_kinds(nodes: list[plan.Node]) -> Iterator[str]:
+    """That an object, an element of a world or a time, is compared with a text or number, which it never equals."""
+    worlds = {node.id: node for node in nodes if isinstance(node, plan.WorldSource)}
+    for node in nodes:
+        if not isinstance(node, plan.Call) or not node.function.builtin or node.function.name not in _EQUALITIES:
+            continue
+        sign, sides = _EQUALITIES[node.function.name], list(node.arguments)
+        texts = [f"({side.span.text})" if isinstance(side, plan.Subquery) else write_in_script(side) for side in sides]
+        types = [side.type for side in sides]
+        listed = "IN" in sign
+        if listed:
+            types[1] = types[1].element or NOTHING
+        kinds = [each.kinds & ~Kind.NONE for each in types]
+        place = 0 if kinds[0] == Kind.OBJECT else 1
+        other = kinds[1 - place]
+        if kinds[place] != Kind.OBJECT or not other or other & ~_PLAIN:
+            continue
+        words = "holds objects, which never equal" if listed and place else "is an object, and never equals"
+        what = f"{texts[place]} {words}"
+        thing = sides[place]
+        if isinstance(thing, plan.Subquery) and len(thing.query.columns) == 1:
+            thing = thing.query.columns[0].expr
+        column = "name" if other == Kind.STR else "id"
+        if isinstance(thing, (plan.Element, plan.Column)) and thing.source in worlds:
+            known = isinstance(thing, plan.Column) or column in dict(worlds[thing.source].columns)
+            texts[place] += f".{column}"
+            cure = f"write {' '.join((texts[0], sign, texts[1]))}" if known else "compare one of its columns"
+            cure = f"select {write_in_script(thing)}.{column}" if known and thing is not sides[place] else cure
+        elif other == Kind.STR and not (listed and place == 0):
+            texts[1 - place] = f"datetime({texts[1 - place]})"
+            cure = f"for a time write {' '.join((texts[0], sign, texts[1]))}"
+        else:
+            cure = "compare values of one kind"
+        yield f"{what} a {'text' if other == Kind.STR else 'number'}; {cure}"
+
+
+# --- times of data frames, which are texts
+_TIME = re.compile(r"\d{4}-\d\d-\d\d(T\d\d:\d\d:\d\d(\.\d+)?(\+00:00)?)?")
+_FLIPPED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
+
+
+class TimeComparison(NamedTuple):
+    """A comparison of a column of a data frame with what may be a text; `function` has the column on its left."""
+
+    function: str
+    text: plan.Expr
+    shown: str
+    frame: str
+    column: str
+
+
+def find_time_comparisons(query: plan.Query) -> tuple[TimeComparison, ...]:
+    """The comparisons that may be of a time in another spelling than that of the column."""
+    nodes = list(walk(query))
+    sources = {node.id: node for node in nodes if isinstance(node, (plan.ValueSource, plan.QuerySource))}
+    found = []
+    for node in nodes:
+        if not isinstance(node, plan.Call) or not node.function.builtin or node.function.name not in _TIME_TESTS:
+            continue
+        name, (left, right) = node.function.name, node.arguments
+        for function, column, text in ((name, left, right), (_FLIPPED.get(name, name), right, left)):
+            origin = _find_frame_column(column, sources)
+            if origin is not None and isinstance(text, (plan.Constant, plan.Variable, plan.MakeList)):
+                found.append(TimeComparison(function, text, write_in_script(column), *origin))
+    return tuple(found)
+
+
+_TIME_TESTS = {*_EQUALITIES, *_FLIPPED}
+
+
+def _find_frame_column(
+    expr: plan.Expr, sources: Mapping[int, plan.ValueSource | plan.QuerySource]
+) -> tuple[str, str] | None:
+    """The data frame and its column that an expression reads."""
+    while isinstance(expr, plan.Column) and expr.type.may_be(Kind.STR):
+        source, name = sources.get(expr.source), expr.name
+        if isinstance(source, plan.ValueSource):
+            value = source.value
+            return (value.name, name) if isinstance(value, plan.Variable) and value.frame else None
+        columns = source.query.columns if source is not None else ()
+        inner = next((output.expr for output in columns if output.name == name), None)
+        if inner is None:
+            return None
+        expr = inner
+    return None
+
+
+def explain_times(comparisons: Sequence[TimeComparison], get_source: Callable[[str], Any]) -> Iterator[str]:
+    """That a time in another spelling than the column's compares as a text, and how the column spells it."""
+    for function, expr, shown, frame, column in comparisons:
+        wanted = [text for text in _read_texts(expr, get_source) if _read_time(text) is not None]
+        source = get_source(frame) if wanted else None
+        values = source.columns[column].values if isinstance(source, Frame) and column in source.columns else ()
+        like = next((value for value in values if value is not None), None)
+        if not isinstance(like, str) or not _TIME.fullmatch(like):
+            continue
+        for text in wanted:
+            spelled = _spell_time(text, like)
+            # A shorter text that begins the time has the same order from there on.
+            same = spelled.startswith(text) and function in ("ge", "lt")
+            if spelled != text and not same:
+                yield f"{shown} is a text such as '{like}', and is compared as one; for {text!r} write {spelled!r}"
+
+
+def _read_texts(expr: plan.Expr, get_source: Callable[[str], Any]) -> list[str]:
+    """The texts that are known of the other side, or of the list that it is."""
+    match expr:
+        case plan.Constant(value=value):
+            pass
+        case plan.Variable(name=name):
+            value = get_source(name)
+        case plan.MakeList(items=items):
+            return [text for item in items for text in _read_texts(item, get_source)]
+        case _:
+            return []
+    return [text for text in (value if isinstance(value, list) else [value]) if isinstance(text, str)]
+
+
+def _read_time(text: str) -> datetime | None:
+    """The time that a text is in a spelling of ISO 8601; None for any other, and for parts of a microsecond."""
+    try:
+        return None if re.search(r"\.\d{6}\d*[1-9]", text) else datetime.fromisoformat(text)
+    except ValueError:
+        return None
+
+
+def _spell_time(text: str, like: str) -> str:
+    """A time as a column spells it, or the text itself where it is no time that the column could hold."""
+    when, zone = _read_time(text), like.endswith("+00:00")
+    if when is None or (when.tzinfo is not None and not zone):
+        return text
+    if zone:
+        when = when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
+    if "T" in like:
+        return when.isoformat()
+    return text if when.time() != time() else when.date().isoformat()
 
 
 def _note_inner_elements(query: plan.Query) -> Iterator[str]:

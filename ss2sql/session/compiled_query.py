@@ -27,7 +27,15 @@ from ss2sql.language.plan_traversal import can_move_world, has_array_calls, walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
-from ss2sql.results.notes import explain_empty_result, explain_overestimates, find_notes, has_dropped_steps
+from ss2sql.results.notes import (
+    TimeComparison,
+    explain_empty_result,
+    explain_overestimates,
+    explain_times,
+    find_notes,
+    find_time_comparisons,
+    has_dropped_steps,
+)
 from ss2sql.results.result import OutlinedQuery, QueryResult, Status
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
 from ss2sql.runtime.run.post_processing import finish_sql_rows
@@ -249,6 +257,11 @@ class CompiledQuery:
         """The same where a search has dropped steps as repeated."""
         return find_notes(self.written, dropped=True)
 
+    @cached_property
+    def time_comparisons(self) -> tuple[TimeComparison, ...]:
+        """What may be compared with a time of a data frame in another spelling."""
+        return find_time_comparisons(self.written)
+
     def compute_value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
         shapes, form = self.host.shapes, self.query.representation
@@ -302,6 +315,7 @@ class CompiledQuery:
         if has_dropped_steps(query, run.stats, before[-1]):
             run.notes |= dict.fromkeys(self.notes_on_dropped_steps)
         run.notes |= dict.fromkeys(explain_empty_result(self.written, rows, run.stats, before, run.get_variable))
+        run.notes |= dict.fromkeys(explain_times(self.time_comparisons, run.get_source))
         if run.overestimated:
             run.notes |= dict.fromkeys(explain_overestimates(self.written))
             run.overestimated = False

@@ -42,7 +42,7 @@ Quaternion = tuple[float, float, float, float]  # x, y, z, w
 _COLUMNS = (
     Column("id", int, "", "the number of the body", "="),
     Column("name", str, "", "its name", "="),
-    Column("obj", object, "", "the body itself, what `this` is"),
+    Column("obj", Element, "", "the body itself, what `this` is"),
     Column("type", str, "", f"{' '.join(SHAPES)} terrain, MuJoCo's ellipsoid and sdf, compound, or ghost: no shape"),
     *(Column(axis, float, "m", "the position", RANGE) for axis in AXES),
     *(Column(f"pos{axis.upper()}", float, "m", axis) for axis in AXES),
@@ -163,8 +163,8 @@ class Posed(Table, ABC):
 
 Box = tuple[Sequence[float], Sequence[float]]
 PAIR = (
-    Column("a", object, "", "the one body"),
-    Column("b", object, "", "the other body"),
+    Column("a", Element, "", "the one body"),
+    Column("b", Element, "", "the other body"),
     Column("idA", int, "", "the id of a"),
     Column("idB", int, "", "the id of b"),
 )

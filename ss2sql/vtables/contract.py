@@ -70,7 +70,7 @@ class Column:
 
     Args:
         name: a name as scripts write it. It is also a function of an element: `mass`, `mass(this)`.
-        type: int, float (within 1e100), str, bool, list, dict, `object` (anything, elements of a world too);
+        type: int, float (within 1e100), str, bool, list, dict, `Element` (of a world), `object` (anything);
             `int | None` where there may be no value; a tuple of types for a list of this length:
             `(float, float, float)`.
         unit: "m", "kg"; empty for numbers without one.

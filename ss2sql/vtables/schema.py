@@ -36,7 +36,17 @@ from ss2sql.language.kinds import (
     make_list_type,
     unite,
 )
-from ss2sql.vtables.contract import LARGEST, OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
+from ss2sql.vtables.contract import (
+    LARGEST,
+    OPERATORS,
+    Column,
+    Element,
+    Gone,
+    Table,
+    TableFunction,
+    World,
+    WorldFunction,
+)
 
 Cleaner = Callable[[Any], Any]
 
@@ -48,6 +58,7 @@ _PLAIN: dict[Any, Type] = {
     list: LIST,
     dict: Type(Kind.DICT),
     object: ANY,
+    Element: Type(Kind.OBJECT),
     None: NONE,
     NoneType: NONE,
 }

@@ -561,7 +561,7 @@ class Rays(TableFunction):
     text = "what rays hit first, between points or lists of points; a ray that hits nothing has no row"
     columns = (
         Column("ray", int, text="the number of the ray, from 0"),
-        Column("body", object, text="what it hits"),
+        Column("body", Element, text="what it hits"),
         Column("id", int, text="the id of the body"),
         Column("link", int, text="the number of the link, -1 for the base"),
         Column("pos", VECTOR, "m", "where it hits"),
