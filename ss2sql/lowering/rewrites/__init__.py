@@ -78,11 +78,12 @@ REWRITES: dict[str, Rewrite] = {
         lambda node: isinstance(node, plan.QuerySource),
     ),
     "near": Rewrite(
-        "looks up only the box around a point where distance(this, point) <= 1, or the times where abs(a.t - b.t) <= 1",
+        "looks up only the box around a point where distance(a, b) <= 1, or the times where abs(a.t - b.t) <= 1",
         "a distance became ranges of coordinates, in which elements are looked up",
         limit_distances,
         lambda node: (
-            isinstance(node, plan.WorldSource) or (isinstance(node, plan.Call) and node.function.name == "abs")
+            isinstance(node, plan.WorldSource)
+            or (isinstance(node, plan.Call) and node.function.name in {"abs", "distance"})
         ),
     ),
     "early": Rewrite(

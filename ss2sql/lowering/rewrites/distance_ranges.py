@@ -11,7 +11,9 @@ for fewer elements.
 
     WHERE abs(o.t - s.t) < 0.1              also asks            o.t BETWEEN s.t - 0.1000001 AND s.t + 0.1000001
 
-of the elements of a list or data frame, for each row of another source: these are looked up in the order of t.
+    WHERE distance([p.x, p.y], [q.x, q.y]) < 1
+
+of the elements of a list or data frame, for each row of another source: these are looked up in the order of t or q.x.
 """
 
 from __future__ import annotations
@@ -128,7 +130,11 @@ def _find_point_to_rewrite(expr: plan.Expr, sources: Sources) -> Point | None:
             columns = (plan.Column(source.id, c, kinds[c], span=expr.span) for c in source.table.schema.places[name])
             return Point(tuple(columns), source, isinstance(expr, plan.Element))
     coordinates = _get_coordinates(expr)
-    return Point(coordinates) if coordinates and all(map(_is_distance_to_rewrite, coordinates)) else None
+    if not coordinates or not all(map(_is_distance_to_rewrite, coordinates)):
+        return None
+    owners = list_sources(plan.MakeList(coordinates, span=expr.span))
+    source = sources.get(*owners) if len(owners) == 1 else None
+    return Point(coordinates, source if isinstance(source, plan.ValueSource) else None)
 
 
 def _find_place_on_line(expr: plan.Expr, sources: Sources) -> Point | None:
@@ -170,6 +176,8 @@ def _widen_radius(radius: plan.Expr) -> plan.Expr:
 def _build_ranges(place: Point, centre: Point, radius: plan.Expr) -> list[plan.Expr]:
     found: list[plan.Expr] = []
     for column, value in zip(place.coordinates, centre.coordinates, strict=False):
+        if not isinstance(column, (plan.Column, plan.Element)):
+            continue  # nothing is looked up by what is computed
         span = column.span
         found.append(make_call("ge", column, make_call("sub", value, radius, span=span), span=span))
         found.append(make_call("le", column, make_call("add", value, radius, span=span), span=span))
