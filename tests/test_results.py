@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import copy
 import html
 import io
+import pickle
 import re
 from typing import Any
 
@@ -25,6 +27,21 @@ TREE = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH 
 # A step with n == 1 stops and is no goal, so its paths have one step more: here they are goals.
 GOALS = "SELECT this FROM [1, 2] WHERE n < 2 START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 1"
 WALK = "SELECT {} FROM [1, 2] WHERE n >= {} START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n >= {};"
+
+
+@pytest.mark.parametrize("copy_result", [lambda result: pickle.loads(pickle.dumps(result)), copy.deepcopy, copy.copy])
+@pytest.mark.parametrize("script", [f"{TREE};", f"{GOALS} AS list;", "SELECT this, [this] AS l FROM [1, 2];", "[1];",
+                                    "SELECT this AS n, count(*) FROM [1, 1] GROUP BY n AS rows;"])  # fmt: skip
+def test_copies_have_what_was_found(ss: ss2sql.Session, engine: Any, script: str, copy_result: Any) -> None:
+    result = ss.run(script, engine=engine)
+    copied = copy_result(result)
+    for name in ("value", "columns", "paths", "status", "engine", "stats", "notes", "sql"):
+        assert getattr(copied, name) == getattr(result, name), name
+    assert copied.sql.parameters == result.sql.parameters
+    assert list(copied) == list(result)
+    assert repr(copied) == repr(result)
+    assert copied.df().dtypes.equals(result.df().dtypes)
+    assert "the run: complete" in str(copied.explain())
 
 
 def test_representations_of_the_user(ss: ss2sql.Session, engine: Any) -> None:

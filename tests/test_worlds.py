@@ -6,6 +6,8 @@ What scripts over a world give stands in tests/cases/worlds.
 from __future__ import annotations
 
 import ast
+import copy
+import pickle
 from typing import Any
 
 import pytest
@@ -122,6 +124,14 @@ def test_an_element_equals_itself_wherever_it_comes_from(ss: ss2sql.Session, eng
     element = ss.eval("SELECT this FROM space WHERE id == 2 AS value;")
     assert ss.run(f"SELECT id FROM space WHERE {condition} AS list;", engine=engine, e=element).value == [2]
     assert ss.run("SELECT id FROM space WHERE same(this) == this AS list;", engine=engine).value == [1, 2, 3, 4, 5]
+
+
+def test_an_element_stays_in_its_world(ss: ss2sql.Session) -> None:
+    result = ss.run("SELECT this FROM space AS list;")
+    assert copy.deepcopy(result).value[0] is result.value[0]
+    assert copy.copy(result.value[0]) is result.value[0]
+    with pytest.raises(TypeError, match="is an element of a world and cannot be pickled; select its columns"):
+        pickle.dumps(result)
 
 
 def test_an_exception_of_the_user_tells_nothing_of_a_run_before(ss: ss2sql.Session) -> None:

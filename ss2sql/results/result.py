@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
-from ss2sql.errors import SessionError, Stopped
+from ss2sql.errors import NOWHERE, SessionError, Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.cancellation import Check, iterate_with_check
@@ -161,6 +161,25 @@ class Result:
             return self.given_value
         with self.while_reading():
             return self.answer.value
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What `pickle` writes and a deep copy has: all that was found, without the session that found it.
+
+        So `explain` of it tells of the run alone.
+        """
+        state = {**vars(self), "outline": (), "sql": self.sql}
+        if self.answer is not None:
+            answer, value = self.answer, self.value
+            rows = replace(answer.rows, paths=None if answer.rows.paths is None else self.paths)
+            outputs = tuple(
+                replace(one, expr=plan.Constant(None, one.expr.type, span=NOWHERE), label=None)
+                for one in answer.outputs
+            )
+            state["answer"] = QueryResult(rows, None, answer.engine, answer.status, outputs, made=value)
+        return state
+
+    def __copy__(self) -> Result:
+        return replace(self)
 
     @cached_property
     def sql(self) -> Sql:

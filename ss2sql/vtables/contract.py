@@ -43,7 +43,7 @@ from dataclasses import is_dataclass
 from functools import lru_cache
 from importlib import import_module
 from types import NoneType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NoReturn, TypeAlias, TypeVar, overload
 
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.fast_dataclasses import dataclass
@@ -346,6 +346,15 @@ class Element(Handle):
         from ss2sql.vtables.schema import get_schema
 
         return get_schema(self.table).kinds
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Element:
+        return self  # a copy refers to the same world
+
+    def __copy__(self) -> Element:
+        return self
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(f"{self!r} is an element of a world and cannot be pickled; select its columns")
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"{self!r} cannot be changed; a function of its world may do that")
