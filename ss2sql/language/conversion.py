@@ -7,6 +7,7 @@ import sys
 from array import array
 from collections import deque
 from collections.abc import Iterable, Iterator
+from datetime import date, datetime
 from io import IOBase
 from itertools import chain
 from marshal import dumps
@@ -355,9 +356,23 @@ def _convert_value(value: Any, depth: int, named: bool) -> Any:
         return mapping
     if isinstance(value, complex):
         raise _RefusedValue(f"the complex number {value}", "give its parts, for example [z.real, z.imag]")
+    if isinstance(value, datetime) and type(value) is not datetime:
+        return _convert_datetime(value)
     if is_iterator_value(value):
         return _convert_value(list(value), depth, named)
     return _convert_numpy(value, depth, named)
+
+
+def _convert_datetime(value: datetime) -> Any:
+    """A time of a subclass, such as pandas.Timestamp, as the time that it equals; NaT as None.
+
+    One that equals no time, as its nanoseconds are lost, stays an object.
+    """
+    if value != value:  # NaT
+        return None
+    parts = (value.year, value.month, value.day, value.hour, value.minute, value.second, value.microsecond)
+    plain = datetime(*parts, value.tzinfo, fold=value.fold)
+    return plain if plain == value and not getattr(value, "nanosecond", 0) else _wrap_object(value)
 
 
 def _convert_integer_value(value: int) -> int:
@@ -395,20 +410,31 @@ def _convert_dict_key_value(value: Any) -> Any:
 
 
 def _convert_numpy(value: Any, depth: int, named: bool) -> Any:
-    """An array as a list, a scalar as a number or string; dates and all else are objects."""
+    """An array as a list, a scalar as a number, string, date or time; all else are objects."""
     numpy = sys.modules.get("numpy")  # where nobody imported NumPy, there is nothing of it
     if numpy is None or not isinstance(value, (numpy.generic, numpy.ndarray)):
         return _wrap_object(value)
     if value.dtype.kind in "mM":  # their items would lose their unit
         if isinstance(value, numpy.generic):
-            return _wrap_object(value)
-        return _wrap_object(value[()]) if value.ndim == 0 else _convert_value(list(value), depth, named)
+            return _convert_numpy_time(value)
+        return _convert_numpy_time(value[()]) if value.ndim == 0 else _convert_value(list(value), depth, named)
     if isinstance(value, numpy.longdouble):
         return _convert_float_value(float(value))
     if isinstance(value, numpy.clongdouble):
         return _convert_value(complex(value), depth, named)
     items = value.tolist()
     return items if _is_clean_value(items, depth) else _convert_value(items, depth, named)
+
+
+def _convert_numpy_time(value: Any) -> Any:
+    """A date or time as the one of Python that it equals, NaT as None; all else are objects."""
+    if value != value:  # NaT
+        return None
+    plain = value.item()
+    if value.dtype.kind == "M" and isinstance(plain, int):  # nanoseconds, or a year beyond 9999
+        rounded = value.astype("M8[us]")
+        plain = rounded.item() if rounded == value else plain
+    return plain if isinstance(plain, date) else _wrap_object(value)
 
 
 def _wrap_object(value: Any) -> Any:
