@@ -83,7 +83,7 @@ REWRITES: dict[str, Rewrite] = {
         limit_distances,
         lambda node: (
             isinstance(node, plan.WorldSource)
-            or (isinstance(node, plan.Call) and node.function.name in {"abs", "distance"})
+            or (isinstance(node, plan.Call) and node.function.name in {"abs", "distance", "sub"})
         ),
     ),
     "early": Rewrite(

@@ -14,6 +14,9 @@ for fewer elements.
     WHERE distance([p.x, p.y], [q.x, q.y]) < 1
 
 of the elements of a list or data frame, for each row of another source: these are looked up in the order of t or q.x.
+So it is with a difference, which is to be some number, or above or below it:
+
+    WHERE b.t - a.t < 0.1                   also asks            b.t <= a.t + 0.1000001
 """
 
 from __future__ import annotations
@@ -39,6 +42,8 @@ from ss2sql.lowering.rewrites.rewrite_context import (
 RADIUS_TOLERANCE = 1.000001
 MAX_DISTANCE = 1e150  # of coordinates, so that no distance is infinite
 MAX_NUMBER = 2.0**53  # of places on a line, so that integers are floats as well
+# The ends of a difference that is compared with a number: above it, below it.
+_ENDS = {"lt": (1,), "le": (1,), "gt": (-1,), "ge": (-1,), "eq": (1, -1)}
 _NEEDED_OPERATORS = frozenset({"ge", "le", "lt", "gt", "add", "sub", "mul", "item"})
 _NUMBER = Kind.INT | Kind.FLOAT
 
@@ -70,7 +75,8 @@ def _rewrite_to_boxes(query: plan.Query, sources: Sources) -> plan.Query:
     number = {source.id: index for index, source in enumerate(query.sources)}
     wanted: list[plan.Expr] = []
     for part in parts:
-        wanted += [one for one in _derive_ranges(part, number, sources) if one not in parts]
+        found = _derive_ranges(part, number, sources) or _derive_difference_ends(part, number, sources)
+        wanted += [one for one in found if one not in parts]
         wanted.append(part)
     return query if len(wanted) == len(parts) else replace(query, where=plan.And(tuple(wanted), span=query.where.span))
 
@@ -91,12 +97,50 @@ def _derive_ranges(part: plan.Expr, number: Mapping[int, int], sources: Sources)
         return []
     for place, centre in (places, places[::-1]):
         source = place.source
-        if source is not None and source.id in number and _can_rewrite_to_range(source, place):
-            known = list_sources(plan.MakeList((*centre.coordinates, radius), span=part.span))
-            if isinstance(source, plan.ValueSource) and not known:
-                continue  # it is walked once
-            if all(number.get(other, -1) < number[source.id] for other in known):
-                return _build_ranges(place, centre, _widen_radius(radius))
+        ends = (*centre.coordinates, radius)
+        if source is not None and _can_rewrite_to_range(source, place) and _is_known_before(ends, source, number):
+            return _build_ranges(place, centre, _widen_radius(radius))
+    return []
+
+
+def _is_known_before(
+    values: tuple[plan.Expr, ...], source: plan.WorldSource | plan.ValueSource, number: Mapping[int, int]
+) -> bool:
+    """Whether values are known when a source of the query is walked; one whose ends stay the same is walked once."""
+    if source.id not in number:
+        return False
+    known = list_sources(plan.MakeList(values, span=values[0].span))
+    if isinstance(source, plan.ValueSource) and not known:
+        return False
+    return all(number.get(other, -1) < number[source.id] for other in known)
+
+
+def _derive_difference_ends(part: plan.Expr, number: Mapping[int, int], sources: Sources) -> list[plan.Expr]:
+    """What `left - right < 1` implies of the place of one of them, for the other."""
+    match part:
+        case plan.Call(
+            function=plan.Function(name=compared, builtin=True),
+            arguments=(
+                plan.Call(function=plan.Function(name="sub", builtin=True), arguments=(left, right)),
+                plan.Constant(value=int() | float() as bound),
+            ),
+        ) if compared in _ENDS:
+            pass
+        case _:
+            return []
+    for sign, (near, far) in ((1, (left, right)), (-1, (right, left))):
+        place, centre = _find_place_on_line(near, sources), _find_place_on_line(far, sources)
+        if place is None or centre is None or place.source is None:
+            continue
+        if not _is_known_before((far,), place.source, number):
+            continue
+        whole = near.type.is_only(Kind.INT) and far.type.is_only(Kind.INT)
+        span, found = part.span, list[plan.Expr]()
+        for outwards in _ENDS[compared]:
+            away = make_constant(sign * (bound if whole else _widen_end(bound, outwards)), span)
+            end = make_call("add", far, away, span=span)
+            found.append(make_call("le" if sign * outwards > 0 else "ge", near, end, span=span))
+        return [] if any(map(can_fail, found)) else found
     return []
 
 
@@ -171,6 +215,11 @@ def _widen_radius(radius: plan.Expr) -> plan.Expr:
     if isinstance(radius, plan.Constant):
         return make_constant(float(f"{radius.value * RADIUS_TOLERANCE:.9g}"), radius.span)
     return make_call("mul", radius, make_constant(RADIUS_TOLERANCE, radius.span), span=radius.span)
+
+
+def _widen_end(bound: float, outwards: int) -> float:
+    """An end of a difference, which is rounded once, as much further out as that of a distance."""
+    return float(f"{bound + outwards * abs(bound) * (RADIUS_TOLERANCE - 1):.9g}")
 
 
 def _build_ranges(place: Point, centre: Point, radius: plan.Expr) -> list[plan.Expr]:
