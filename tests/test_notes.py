@@ -202,6 +202,10 @@ def count(
          ["after START WITH town = 'Z' FROM has no element, so no path begins; begin with a value that has"]),
         ("SELECT (SELECT count(*) FROM roads) FROM [1]",
          ["SELECT count(*) FROM roads gives a list of one row; with AS value it gives the value in it"]),
+        ("SELECT (SELECT dst FROM r = roads WHERE r.src == roads.dst) AS d FROM roads",
+         ["SELECT dst FROM r = roads WHERE r.src == roads.dst gives a list of rows; with AS value it gives the value"]),
+        ("SELECT coalesce((SELECT dst FROM r = roads), 1), IF(src == 'A'; (SELECT 1 FROM [1]); 2) FROM roads",
+         ["SELECT dst FROM r = roads gives a list of rows", "SELECT 1 FROM [1] gives a list of rows; with AS value"]),
         ("SELECT (SELECT count(*) FROM roads AS dict), (SELECT count(*) FROM roads AS value) FROM [1]", []),
         (GO.format("dst", "D", "Z", "level() < 5 AND"), ["after START WITH town = 'Z' no element meets level() < 5"]),
         ("SELECT len((SELECT LAST dst FROM roads START WITH t = r.dst CONNECT BY UNIQUE, src == t, t = dst)) "

@@ -384,11 +384,16 @@ def _build_order_error(left: Any, right: Any, first: Any, second: Any, symbol: s
         hint = "make both of one kind with int(...), float(...) or str(...)"
     elif any(issubclass(kind, date) for kind in kinds):
         hint = "date('2024-05-31') makes a date of a text, datetime('2024-05-31') a time; date(x) is the day of a time"
-    elif kinds == {dict}:
-        hint = "rows have no order of their own: ask for one column, as SELECT ... AS list does, or write ORDER BY"
+    elif kinds == {dict} or are_rows(left) or are_rows(right):
+        hint = "rows have no order of their own: write ORDER BY, or SELECT ... AS list for a column, AS value for one value"
     else:
         hint = "numbers have an order among themselves, and so have strings and lists; == and != work on everything"
     return ExecutionError("X001", message, hints=(hint,))
+
+
+def are_rows(value: Any) -> bool:
+    """Whether it is a list of dicts, as a query without AS gives it."""
+    return type(value) is list and bool(value) and type(value[0]) is dict
 
 
 def _suggest_none_cure(left: Any, right: Any, symbol: str) -> str:

@@ -41,10 +41,10 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
     notes = [note for each in searches for note in _note_undetermined_states(each, dropped)]
     calls = (node.function for each in searches for node in walk(each) if isinstance(node, plan.Call))
     notes += [
-        f"{write_in_script(output.expr)} gives a list of one row; with AS value it gives the value in it"
+        f"{write_in_script(shown)} gives a list of {rows}; with AS value it gives the value in it"
         for each in queries
         for output in each.columns
-        if _is_query_of_one_value(output.expr)
+        for shown, rows in _find_shown_queries(output.expr)
     ]
     notes += [
         f"{call.name} is the function that was registered under this name; give it another name to ask for the path"
@@ -75,12 +75,18 @@ def _note_constant_cycle(query: plan.Query) -> Iterator[str]:
         )
 
 
-def _is_query_of_one_value(expr: plan.Expr) -> bool:
-    """Whether it is a query without AS that gives one row with one column."""
-    if not isinstance(expr, plan.Subquery) or expr.query.representation.span is not None:
-        return False
-    query = expr.query
-    return query.aggregated and not query.group and len(query.columns) == 1 and query.representation.name == "dict"
+def _find_shown_queries(expr: plan.Expr) -> Iterator[tuple[plan.Expr, str]]:
+    """The queries without AS and with one column that an expression gives, and how many rows each has."""
+    match expr:
+        case plan.Call(function=plan.Function(name="coalesce", builtin=True), arguments=parts):
+            for part in parts:
+                yield from _find_shown_queries(part)
+        case plan.If(then=(*_, then), otherwise=(*_, otherwise)):
+            yield from _find_shown_queries(then)
+            yield from _find_shown_queries(otherwise)
+        case plan.Subquery(query=query) if query.representation.span is None and query.representation.name == "dict":
+            if len(query.columns) == 1 and not query.gives_paths and (query.aggregated or not query.group):
+                yield expr, "one row" if query.aggregated and not query.group else "rows"
 
 
 def explain_empty_result(

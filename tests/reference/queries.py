@@ -53,8 +53,8 @@ def represented(ref: Reference, query: ast.Query, outer: Frame | None) -> Any:
     query = grouped_by_names(ref, query)
     names = [name for name in map(source_name, query.sources) if name]
     no_repeats(names)
-    limit = None if query.limit is None else at_least(0, ref.evaluate(query.limit, outer))
-    offset = 0 if query.offset is None else at_least(0, ref.evaluate(query.offset, outer))
+    limit = None if query.limit is None else at_least(0, ref.operand(query.limit, outer))
+    offset = 0 if query.offset is None else at_least(0, ref.operand(query.offset, outer))
     cut = slice(offset, None if limit is None else offset + limit)
     representation = representation_of(query)
     shape(representation, [])  # an unknown one fails at once

@@ -54,7 +54,7 @@ def check_bounds(ref: Reference, query: ast.Query, outer: Frame | None) -> None:
     """MAXIMUM and MEMORIZE are whole numbers, also where nothing is searched for."""
     for option in query.options:
         if option.keyword in ("MAXIMUM", "MEMORIZE") and option.argument is not None:
-            queries.at_least(1, ref.evaluate(option.argument, outer))
+            queries.at_least(1, ref.operand(option.argument, outer))
 
 
 def check(query: ast.Query) -> None:
@@ -114,7 +114,7 @@ class Search:
 
     def number(self, keyword: str) -> int | None:
         argument = self.options.get(keyword)
-        return None if argument is None else queries.at_least(1, self.ref.evaluate(argument, self.outer))
+        return None if argument is None else queries.at_least(1, self.ref.operand(argument, self.outer))
 
     def first_states(self, number: int, state: State) -> Iterator[State]:
         """The START WITH states: one for each combination of what EACH walks, the last one varying fastest."""
@@ -241,7 +241,7 @@ class Search:
     def positive(self, keyword: str, frame: Frame) -> Any:
         argument = self.options[keyword]
         assert argument is not None
-        value = self.ref.evaluate(argument, frame)
+        value = self.ref.operand(argument, frame)
         if not isinstance(value, (int, float)) or value < 0:
             raise Failure("X006", f"{keyword} {value!r}")
         return value

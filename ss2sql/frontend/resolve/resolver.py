@@ -235,6 +235,10 @@ class Resolver:
             self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
         return tuple(self.unwrap_single(value) if is_value_syntax(tree) else value for tree, value in pairs)
 
+    def resolve_number(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+        """What has to be a number, such as LIMIT: a query without AS is one value, see `resolve_as_value`."""
+        return self.resolve_values((tree,), scope)[0] if is_value_syntax(tree) else self.resolve_expr(tree, scope)
+
     def _refuse_quantifier(self, tree: ast.Operator) -> None:
         """Raises ResolveError R014 for `x > ALL (SELECT ...)`: here `all` and `any` ask whether elements are true."""
         match tree.operands:

@@ -289,7 +289,7 @@ def resolve_search_options(
             return None
         if visible is outer:
             return resolve_outside(resolver, option.argument, outer, keyword)
-        return resolver.record_errors(resolver.resolve_expr, option.argument, visible)
+        return resolver.record_errors(resolver.resolve_number, option.argument, visible)
 
     order: plan.Order = "depth first"
     if "HEURISTIC" in options:
@@ -356,7 +356,7 @@ def _check_memorize(resolver: Resolver, tree: ast.Query) -> None:
 def resolve_outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, what: str) -> plan.Expr:
     """An expression that is evaluated once for the query, such as LIMIT; it sees none of its elements and columns."""
     before = len(resolver.errors)
-    found = resolver.record_errors(resolver.resolve_expr, tree, outer)
+    found = resolver.record_errors(resolver.resolve_number, tree, outer)
     for error in resolver.errors[before:]:
         once = f"{what} is read once, before there is an element"
         if error.code == "R014":

@@ -46,7 +46,7 @@ from ss2sql.language.operations.operation import (
     exactly,
     have_one_sql_class,
 )
-from ss2sql.language.values import NUMBERS, find_ordering_pair, has_dict_key, make_dict_key
+from ss2sql.language.values import NUMBERS, are_rows, find_ordering_pair, has_dict_key, make_dict_key
 
 TIMES = (date, timedelta)
 EXACT = 2**53  # integers up to here are exact as floats
@@ -60,6 +60,8 @@ def make_operand_error(left: Any, symbol: str, right: Any) -> ExecutionError:
     message = f"cannot compute {format_value(left)} {symbol} {format_value(right)}"
     if left is None or right is None:
         hint = "None is not a number: test for it first, for example IF(x == None; ...; ...)"
+    elif are_rows(left) or are_rows(right):
+        hint = "a query without AS is a list of rows; SELECT ... AS value gives the value of one"
     elif symbol == "+" and (type(left) is list or type(right) is list):
         hint = "+ joins lists with lists: write [x] for a list of one"
     elif symbol == "-" and isinstance(left, date) and type(right) is str:
