@@ -47,3 +47,12 @@ def test_three_evaluators_agree_on_searches_of_edges() -> None:
 
     run()
     assert in_the_database > amount() / 4
+
+
+def test_the_hint_for_an_aggregate_of_last_steps_is_typed(ss: ss2sql.Session) -> None:
+    ss.set("emp", [{"id": n, "boss": n - 1 if n > 1 else None} for n in range(1, 5)])
+    search = "FROM emp START WITH boss IS NULL CONNECT BY PRIOR id == boss"
+    with pytest.raises(ss2sql.ResolveError) as caught:
+        ss.run(f"SELECT LAST max(level()) {search} AS value;")
+    assert caught.value.hints == ("write SELECT LAST ... GROUP BY 1 for max of the last steps of all paths",)
+    assert ss.eval(f"SELECT LAST max(level()) {search} GROUP BY 1 AS value;") == 4

@@ -385,7 +385,9 @@ def _build_order_error(left: Any, right: Any, first: Any, second: Any, symbol: s
     elif any(issubclass(kind, date) for kind in kinds):
         hint = "date('2024-05-31') makes a date of a text, datetime('2024-05-31') a time; date(x) is the day of a time"
     elif kinds == {dict} or are_rows(left) or are_rows(right):
-        hint = "rows have no order of their own: write ORDER BY, or SELECT ... AS list for a column, AS value for one value"
+        hint = (
+            "rows have no order of their own: write ORDER BY, or SELECT ... AS list for a column, AS value for a value"
+        )
     else:
         hint = "numbers have an order among themselves, and so have strings and lists; == and != work on everything"
     return ExecutionError("X001", message, hints=(hint,))

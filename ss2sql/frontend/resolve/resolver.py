@@ -441,10 +441,12 @@ class Resolver:
             return self.resolve_eval(arguments[0], scope, span)
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
         if is_resolved_aggregate(function) and of_a_list and not grouped and arguments[0].type.excludes(Kind.LIST):
-            hint = AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))
+            hints = [AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))]
             if scope is not None and scope.path_functions and scope.path_functions.clause in RESULT_CLAUSES:
-                hint = f"write {name}(path({tree.arguments[0].span.text})) for the steps of the path"
-            raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
+                hints = [f"write SELECT LAST ... GROUP BY 1 for {name} of the last steps of all paths"]
+                if scope.written is None or not scope.written.last:
+                    hints.insert(0, f"write {name}(path({tree.arguments[0].span.text})) for the steps of the path")
+            raise ResolveError("R008", f"{name} needs a list, and this is not one", span, tuple(hints))
         return self.refine_call(self.make_call(name, arguments, span, span), scope)
 
     def resolve_element_call(self, name: str, source: plan.Source, scope: Scope | None, span: Span) -> plan.Expr | None:
