@@ -48,11 +48,15 @@ if TYPE_CHECKING:
     from ss2sql.frontend.inlining import Inliner
 
 # What is written for a comparison with ALL rows of a query, or with ANY (False).
+_SOME = "([] != ({{query}} AS list) AND {{x}} {{sign}} {0}({{query}} AS list))"  # of no rows ANY is false, ALL true
+_EVERY = "([] == ({{query}} AS list) OR {{x}} {{sign}} {0}({{query}} AS list))"
 QUANTIFIED = {
     ("eq", False): "{x} IN ({query})", ("ne", True): "{x} NOT IN ({query})",
-    ("ne", False): "uniq({query} AS list) != [{x}]", ("eq", True): "uniq({query} AS list) == [{x}]",
-    **{(sign, sign in ("gt", "ge")): "{x} {sign} max({query} AS list)" for sign in ("lt", "le", "gt", "ge")},
-    **{(sign, sign in ("lt", "le")): "{x} {sign} min({query} AS list)" for sign in ("lt", "le", "gt", "ge")},
+    ("ne", False): "difference({query} AS list, [{x}]) != []", ("eq", True): "difference({query} AS list, [{x}]) == []",
+    **dict.fromkeys((("lt", False), ("le", False)), _SOME.format("max")),
+    **dict.fromkeys((("gt", False), ("ge", False)), _SOME.format("min")),
+    **dict.fromkeys((("lt", True), ("le", True)), _EVERY.format("min")),
+    **dict.fromkeys((("gt", True), ("ge", True)), _EVERY.format("max")),
 }  # fmt: skip
 AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
 

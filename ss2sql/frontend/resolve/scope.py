@@ -337,8 +337,17 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     "nullif": "write IF({0} == {1}; None; {0})",
     "iif": "write IF({0}; {1}; {2})", "decode": "write CASE WHEN {0} == {1} THEN {2} ELSE {3} END",
     "concat": "write {sum}",
-    **dict.fromkeys(("substr", "substring", "mid"), "write {0}[{1} - 1:{1} - 1 + {2}]"),
+    **dict.fromkeys(("substr", "substring", "mid"), "write {0}[{slice}]"),
     "left": "write {0}[:{1}]", "right": "write {0}[-{1}:]", "to_char": "write str({0})",
+    **dict.fromkeys(("to_char/2", "date_format"), "{parts} datetime({0})"), "date_part": "{parts} datetime({1})",
+    **dict.fromkeys(("strftime", "date_trunc"), "{parts} datetime({1})"),
+    "trunc": "write int({0})", "truncate": "write int({0})",
+    "trunc/2": "write int({0} * 10 ^ {1}) / 10 ^ {1}", "truncate/2": "write int({0} * 10 ^ {1}) / 10 ^ {1}",
+    "sign": "write CASE WHEN {0} > 0 THEN 1 WHEN {0} < 0 THEN -1 ELSE 0 END", "total": "write sum({0})",
+    "initcap": "session.function('initcap', str.title) registers Python's",
+    "mode": "session.function('mode', statistics.mode) registers Python's",
+    **dict.fromkeys(("rollup", "cube"), "run a query for each GROUP BY, and join their lists with +"),
+    "array_agg": "write ({rows})", "rpad": "format('{{:<20}}', {0}) puts blanks behind until there are 20 characters",
     "to_number": "write float({0})",
     "connect_by_root": "write root({0})",
     "length": "write len({0})", "size": "write len({0})", "avg": "write average({0})", "mean": "write average({0})",
@@ -352,7 +361,7 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     "trim": "write strip({0})", "startswith": "write starts({0}, {1})", "endswith": "write ends({0}, {1})",
     **dict.fromkeys(("instr", "strpos"), "write find({0}, {1}) + 1"), "charindex": "write find({1}, {0}) + 1",
     **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join({rows}, {1})"),
-    "least": "write min([{all}])", "greatest": "write max([{all}])", "position": "write find(text, part) + 1",
+    "least": "write min({all})", "greatest": "write max({all})", "position": "write find(text, part) + 1",
     **dict.fromkeys(("char_length", "character_length"), "write len({0})"), "contains": "write {1} IN {0}",
     "lpad": "format('{{:>20}}', {0}) puts blanks in front until there are 20 characters",
     "ceiling": "write ceil({0})", "ln": "write log({0})", "log2": "write log({0}, 2)", "log10": "write log({0}, 10)",
@@ -369,6 +378,7 @@ CHOOSE_LEAVES = "SELECT * FROM (SELECT LAST ..., leaf() AS end ...) WHERE end"
 _ORACLE = {
     "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle({key})",
     "ROWNUM": "LIMIT n after the other clauses",
+    "CURRENT_DATE": "date(now())", "SYSDATE": "now()", "CURRENT_TIMESTAMP": "now()",
 }  # fmt: skip
 
 
@@ -409,6 +419,7 @@ def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr], rows: str = "S
     lowered = name.lower()
     if lowered not in FOREIGN_FUNCTIONS:
         return ()
+    form = FOREIGN_FUNCTIONS.get(f"{lowered}/{len(arguments)}", FOREIGN_FUNCTIONS[lowered])
     whole = [argument.span.text for argument in arguments[:4]]
     texts = [text if len(text) <= 40 else "..." for text in whole]
     bare = bool(arguments) and isinstance(arguments[0], ast.Query) and arguments[0].representation is None
@@ -418,7 +429,20 @@ def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr], rows: str = "S
     texts += ["..."] * (4 - len(texts))
     every = [argument.span.text for argument in arguments] or ["..."]
     named = {"list": listed, "rows": rows, "all": ", ".join(every), "sum": " + ".join(every)}
-    return (FOREIGN_FUNCTIONS[lowered].format(*texts, **named),)
+    named |= {"slice": _write_slice(whole[1:3]), "parts": "year(d), month(d), ... hour(d) are the parts of a time d ="}
+    return (form.format(*texts, **named),)
+
+
+def _write_slice(bounds: Sequence[str]) -> str:
+    """The slice for the first character, from 1, or from -1 at the end, and the number of characters, if written."""
+    first, *length = bounds or ["1"]
+    begin = first if first.startswith("-") else str(int(first) - 1) if first.isdigit() else f"{first} - 1"
+    if not length:
+        return f"{begin}:"
+    if begin.lstrip("-").isdigit() and length[0].isdigit():
+        end = int(begin) + int(length[0])
+        return f"{begin}:{end if end or begin == '0' else ''}"
+    return f"{begin}:{begin} + {length[0]}"
 
 
 def explain_method(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:

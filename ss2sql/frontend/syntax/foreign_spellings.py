@@ -99,7 +99,8 @@ _POSTFIX_HINTS = {
     "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
     "OFFSET": "write LIMIT n OFFSET {y}", "FETCH": "write LIMIT n",
     "COLLATE": "sort by the value of a function that you register",
-    "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
+    "OVER": "use GROUP BY, or a query in the column: (SELECT count(*) FROM x = t WHERE x.n < t.n) + 1 is a rank",
+    "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
     "TOP": "write LIMIT n after the other clauses", "CONTAINS": "write {y} IN {x}",
     "STARTS": "write starts({x}, ...)", "ENDS": "write ends({x}, ...)",
     "NULLS": "leave it out: None comes first, with DESC last",
@@ -206,7 +207,13 @@ def _explain_cast(t: ParseFailure) -> ParseError | None:
         return None
     value = t.cut_text(t.bracket.end, t.peek().end)
     if t.found.kind == "FROM" and value.strip().upper() in ("YEAR", "MONTH", "DAY", "HOUR", "MINUTE", "SECOND"):
-        return t.explain("P006", "FROM stands in a query alone", f"write {value.strip().lower()}({t.read_next_side()})")
+        kind = "date" if value.strip().upper() in ("YEAR", "MONTH", "DAY") else "datetime"
+        cure = f"write {value.strip().lower()}({kind}({t.read_next_side()}))"
+        return t.explain("P006", "FROM stands in a query alone", cure)
+    if t.found.kind == "," and value.split()[:1] == ["DISTINCT"]:
+        rest = t.cut_text(t.found.end, next(token.start for token in t.tokens[t.index :] if token.kind in (")", END)))
+        columns = f"[{value.strip()[8:].strip()}, {rest.strip()}]"
+        return t.explain("P006", "DISTINCT counts one value of a row", f"write count(DISTINCT {columns})")
     if t.found.kind != "AS":
         return None
     return t.explain("P006", "AS stands in SELECT alone", f"write int({value}), float({value}) or str({value})")
@@ -323,8 +330,10 @@ def _explain_assignment(t: ParseFailure) -> ParseError | None:
     tested = t.clause in _TESTED
     left, right = t.read_side() if tested else t.read_operand(), t.read_next_side()
     compare = f"write {left} == {right} to compare"
-    if (quantified := re.fullmatch(r"(?:ANY|SOME) ?(\(SELECT\b.*\))", right, re.IGNORECASE)) is not None:
-        compare = f"write {left} IN {quantified[1]}"
+    if (quantified := re.fullmatch(r"(ANY|SOME|ALL) ?\((SELECT\b.*)\)", right, re.IGNORECASE)) is not None:
+        word, query = quantified.groups()
+        every = f"write difference({query} AS list, [{left}]) == []"
+        compare = every if word.upper() == "ALL" else f"write {left} IN ({query})"
     if tested:
         return t.explain("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
     if t.clause == "SELECT":
