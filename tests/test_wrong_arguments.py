@@ -134,6 +134,33 @@ def wraps_three(*args: object) -> None:
 
 
 wraps_three.__wrapped__ = lambda a, b, c: a  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("script", "cure", "value"),
+    [
+        ("reach([1, 2], tol = 0.5);", "reach([1, 2], 1.0, 0.5)", 9.5),
+        ("reach(tol = 0.5, place = 3);", "reach(3, 1.0, 0.5)", 9.5),
+        ("reach(1, tol = (x = 0.5), speed = 2);", "reach(1, 2, x = 0.5)", 19.5),
+        ("SELECT reach(this, tol = this) FROM [1] AS value;", "reach(this, 1.0, this)", 9),
+    ],
+)
+def test_a_named_argument_at_another_place(script: str, cure: str, value: Any) -> None:
+    with ss2sql.connect() as ss:
+        ss.function("reach", lambda place, speed=1.0, tol=0.1: speed * 10 - tol, volatility="immutable")
+        with pytest.raises(ss2sql.ResolveError) as caught:
+            ss.run(script)
+        assert (caught.value.code, caught.value.hints[0]) == ("R005", f"write {cure}")
+        start, _, rest = script.partition("reach(")
+        end = rest[rest.rindex(")") + 1 :]
+        assert ss.eval(f"{start}{cure}{end}") == value
+        assert ss.eval("reach(place = 1, speed = 2, 0);") == 20  # at their own places
+        assert ss.eval("reach(1, z = 2);") == 19.9  # of no parameter
+        ss.function("keyed", lambda a, *, b=1: a)
+        with pytest.raises(ss2sql.ResolveError, match="by its name alone"):
+            ss.run("keyed(1, b = 3);")
+
+
 TAKES: list[tuple[Any, Arity]] = [
     (lambda: 0, Arity(0, 0, ())), (lambda a, b, /, c=1: 0, Arity(2, 3, ("a", "b", "c"))),
     (lambda a, *rest: 0, Arity(1, None, ("a",))), (lambda a, *, b=1, **more: 0, Arity(1, 1, ("a",))),

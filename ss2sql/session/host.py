@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import field, replace
 from functools import cache, cached_property, wraps
+from inspect import Signature
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import apsw
@@ -367,7 +368,13 @@ class SessionHost:
             frames=self.names.frames.keys() - values_by_name.keys(),
             files=("main", *self.tables.attached),
             hidden_columns=self.shapes.list_hidden_columns(),
+            signature=self._read_signature,
         )
+
+    def _read_signature(self, name: str) -> Signature | None:
+        from ss2sql.frontend.volatility import read_signature  # which nobody needs who registers no function
+
+        return read_signature(self.planned[name].function)
 
     def _list_table_names(self) -> list[str]:
         """The tables and views of the session's database, and of the engine's own database."""

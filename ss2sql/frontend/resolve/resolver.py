@@ -18,6 +18,7 @@ from ss2sql.frontend.resolve.scope import (
     Catalog,
     Place,
     Scope,
+    check_named_arguments,
     explain_method,
     explain_unknown_function,
     explain_unknown_name,
@@ -472,6 +473,7 @@ class Resolver:
     def make_call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:
         """The call of a function that exists, with the type of its result."""
         function = self.catalog.functions[name]
+        check_named_arguments(self.catalog, function, arguments)
         self.check_arity(function, len(arguments), place)
         kind = ANY
         if function.builtin:

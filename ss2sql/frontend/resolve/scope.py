@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
+from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
+from ss2sql.language.conversion import SCALARS, format_value
 from ss2sql.language.kinds import ANY, Kind, Type
 from ss2sql.language.plan_traversal import walk
 
@@ -46,6 +48,7 @@ class Catalog:
     frames: Collection[str] = ()  # variables that are data frames
     files: Collection[str] = ()  # names of attached SQLite files
     hidden_columns: Mapping[str, str] = field(default_factory=dict)  # representation -> "elements" or "calls"
+    signature: Callable[[str], Signature | None] = lambda name: None  # of a function that is not built in
 
 
 # --- what is visible at a place of a script; references to worlds: tables, and their columns and methods as functions
@@ -279,8 +282,44 @@ def resolve_world_call(
         if _is_item(resolver, source, name, arguments[1:]):
             return resolver.make_call("item", (resolve_source_column(source, name, span), arguments[1]), span, span)
     function = resolver.catalog.world_functions[name]
+    check_named_arguments(resolver.catalog, function, arguments)
     resolver.check_arity(function, len(arguments), span)
     return plan.Call(function, arguments, ANY, span=span, place=span)
+
+
+def check_named_arguments(catalog: Catalog, function: plan.Function, arguments: tuple[plan.Expr, ...]) -> None:
+    """Raises ResolveError R005 for `name = expr` where the function has the parameter at another place.
+
+    It is an assignment, whose value is the argument at its own place.
+    """
+    named = {place: one for place, one in enumerate(arguments) if isinstance(one, plan.Assign)}
+    signature = catalog.signature(function.name) if named and not function.builtin else None
+    if signature is None:
+        return
+    parameters = signature.parameters
+    places = [name for name, one in parameters.items() if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
+    by_name = {name for name, one in parameters.items() if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)}
+    moved = [one for place, one in named.items() if one.name in by_name and places[place : place + 1] != [one.name]]
+    if not moved:
+        return
+    name, wrong = function.of_world or function.name, moved[0]
+    if any(one.name not in places for one in moved):
+        message = f"'{name}' takes '{wrong.name}' by its name alone, which a script cannot give"
+        hint = f"register a function in which '{wrong.name}' has a place"
+    else:
+        message = f"'{name}' has '{wrong.name}' at place {places.index(wrong.name) + 1}, and arguments go by place"
+        texts = {place: one.span.text for place, one in enumerate(arguments) if one not in moved}
+        texts |= {places.index(one.name): one.value.span.text for one in moved}
+        filled = (texts.get(place) or _write_default(parameters[places[place]]) for place in range(max(texts) + 1))
+        hint = f"write {name}({', '.join(filled)})"
+    cures = (hint, f"to set the variable as well, write {wrong.span.text}; before it")
+    raise ResolveError("R005", message, wrong.span, cures)
+
+
+def _write_default(parameter: Parameter) -> str:
+    """The default of a parameter as a script writes it, or its name."""
+    value = list(parameter.default) if isinstance(parameter.default, tuple) else parameter.default
+    return format_value(value, 1000) if type(value) in (*SCALARS, list) else parameter.name
 
 
 def _is_item(resolver: Resolver, source: plan.WorldSource, name: str, following: tuple[plan.Expr, ...]) -> bool:

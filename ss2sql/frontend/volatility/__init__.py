@@ -4,6 +4,6 @@ In order of control flow: inference opens what a proof follows and walks its bod
 what names in it stand for, and lists Python's own functions.
 """
 
-from ss2sql.frontend.volatility.inference import Arity, Purity, Volatility, infer_arity, infer_purity
+from ss2sql.frontend.volatility.inference import Arity, Purity, Volatility, infer_arity, infer_purity, read_signature
 
-__all__ = ["Arity", "Purity", "Volatility", "infer_arity", "infer_purity"]
+__all__ = ["Arity", "Purity", "Volatility", "infer_arity", "infer_purity", "read_signature"]

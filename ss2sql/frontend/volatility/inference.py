@@ -205,6 +205,15 @@ def _unwrap_cache(cache: Any) -> Any:
     return next((held for held in gc.get_referents(cache) if held is claimed), None)
 
 
+def read_signature(function: Callable[..., object]) -> inspect.Signature | None:
+    """The signature of a function; None where Python knows none."""
+    try:
+        # Without __wrapped__, but of a cache: the function that is called counts, not the one that it claims to be.
+        return inspect.signature(function, follow_wrapped=isinstance(function, _lru_cache_wrapper))
+    except (TypeError, ValueError):
+        return None
+
+
 def infer_arity(function: Callable[..., object]) -> Arity:
     """How many positional arguments a function takes, from its signature; 0 to any number where it has none.
 
@@ -212,10 +221,8 @@ def infer_arity(function: Callable[..., object]) -> Arity:
     """
     if not callable(function):
         raise SessionError("S002", f"{function!r} cannot be called.", hints=("register a Python function",))
-    try:
-        # Without __wrapped__, but of a cache: the function that is called counts, not the one that it claims to be.
-        signature = inspect.signature(function, follow_wrapped=isinstance(function, _lru_cache_wrapper))
-    except (TypeError, ValueError):
+    signature = read_signature(function)
+    if signature is None:
         return Arity(0, None, ())
     names: list[str] = []
     minimum, unbounded = 0, False
