@@ -290,7 +290,12 @@ def _make_clause_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> Res
     name = assign.name
     message = f"CONNECT BY sets '{name}', which START WITH does not"
     value = shorten_text(assign.value.span.text)
-    hints = suggest_names(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
+    known = [item.name for item in tree.start if item.name.isidentifier()]
+    hints = suggest_names(name, known)
+    if not suggest_similar(name, known):
+        begun = [item.span.text for item in tree.start if item.name in known]
+        begun += [] if tree.first is None else [tree.first.span.text]
+        hints += (f"write START WITH {', '.join([*begun, f'{name} = None'])}, or another first value",)
     if name.upper() in VALUED_OPTIONS:
         hints = (f"write {name.upper()} {value}", "an option stands in front of the assignments, and takes no =")
     for part in tree.first.parts if isinstance(tree.first, ast.And) else (tree.first,):

@@ -178,11 +178,13 @@ def _explain_missing(t: ParseFailure) -> ParseError | None:
 
 
 def _explain_search_clause(t: ParseFailure) -> ParseError | None:
-    """In START WITH and CONNECT BY: assignments without =, options with commas or after the assignments."""
+    """In START WITH and CONNECT BY: assignments without =, options with commas, after assignments or other clauses."""
     name, word = t.peek(), t.found.keyword or t.found.kind
     late = name if t.peek(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
-    if t.clause == "CONNECT BY" and late is not None:
-        return t.explain("P001", f"{spell(late)} stands after an assignment",
+    behind = t.clause.replace(" ", "").isalpha() and t.clause not in OPTIONS and late is t.found and not t.wants_operand
+    if late is not None and (behind or t.clause == "CONNECT BY"):
+        where = "an assignment" if t.clause == "CONNECT BY" else t.clause
+        return t.explain("P001", f"{spell(late)} stands after {where}",
                        "options stand right after CONNECT BY, without commas, several keys as BY (a, b)",
                        at=late)  # fmt: skip
     if t.clause in OPTIONS and t.found.kind in COMPARISONS and "," in t.expected:
