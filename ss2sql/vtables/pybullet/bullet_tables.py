@@ -424,7 +424,7 @@ class BulletShapes(Table):
         Column("normal", list | None, text="of planes"),
         Column("file", str | None, text="of meshes, where they were read from one"),
         Column("volume", float | None, "m3", "None for meshes and planes"),
-        Column("pos", list | None, "m", "where it is; None where PyBullet does not tell it: see Limits"),
+        Column("pos", list | None, "m", "where it is; None where PyBullet does not tell it, as of some MJCF files"),
         Column("quat", list | None, text="how it is turned: a quaternion x, y, z, w; None where pos is"),
     )
     groups: ClassVar[Mapping[str, str]] = {
