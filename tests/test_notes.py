@@ -433,3 +433,12 @@ def test_a_column_in_from_that_has_the_name_of_a_table(tmp_path: Path) -> None:
             ss.run("SELECT name FROM people, dept WHERE people.dept == dept.code")
         with pytest.raises(ss2sql.Error, match=r"write FROM main\.dept"):
             ss.run("SELECT name, city FROM people, dept")
+
+
+def test_an_argument_that_nothing_reads_has_a_note(ss: ss2sql.Session) -> None:
+    ss.set("emp", [{"sal": 1}])
+    hidden = ss.run("SELECT sal FROM emp WHERE sal > sal AS list;", sal=3)
+    assert hidden.notes == ("sal is the column of emp, not the argument sal=...; give that another name",)
+    assert ss.run("SELECT sal FROM emp;", nope=3).notes == ("the script never reads the argument nope=...",)
+    assert ss.run("SELECT sal FROM emp WHERE sal < m LIMIT n;", m=3, n=2).notes == ()
+    assert ss.run("eval('k;');", k=3).notes == ()
