@@ -198,6 +198,12 @@ class CallPrefetcher:
                 if isinstance(timed.sent, LocalFunction):
                     self._keep_local(timed, timed.sent)
 
+    def refuse_search(self, search_run: SearchRun) -> None:
+        """Says that a search stays in this process, as its graph is not one of whole rows from a single start."""
+        self.searched.add(search_run.query.id)
+        reason = "no effect on a search with a condition in CONNECT BY or START WITH, a key after BY, EACH, or a trace"
+        warn_once(self.run.stats, reason, "end paths by STOP WITH in place of a condition, and let rows be the states")
+
     def report_idle(self) -> None:
         """Says why there was nothing to do, if so."""
         stats = self.run.stats

@@ -179,6 +179,8 @@ class KeyedGraph(RowGraph):
 def run_keyed_memorize(search_run: SearchRun) -> Iterator[Found]:
     """The same paths of such a search, without a repeated key."""
     assert search_run.query.search is not None
+    if search_run.run.foreteller is not None:
+        search_run.run.foreteller.refuse_search(search_run)
     graph, thaw = _build_keyed_graph(search_run), search_run.shapes.make_row_thaw() or tuple
     reader = None if search_run.noted is None or search_run.query.search.plain else PathRows(search_run)
     for path in _choose_graph_paths(graph, search_run.order).find_paths():
