@@ -358,7 +358,7 @@ def test_a_function_that_is_another_one_elsewhere(ss: ss2sql.Session, monkeypatc
 
 
 IDLE = {
-    "SELECT n FROM [1] START WITH n = 1 CONNECT BY MEMORIZE 2, n < 9, n = onward(n, 1);": "no effect on a search with a",
+    "SELECT n FROM [1] START WITH n = 1 CONNECT BY MEMORIZE 2, n < 9, n = onward(n, 1);": "no effect on a search with",
     "SELECT onward(this, 1) FROM [1, 2];": "no effect: only searches with MEMORIZE have levels",
     "SELECT n FROM [1] START WITH n = 1 CONNECT BY UNIQUE n = onward(n, 1);": "only searches with MEMORIZE",
     "1 + 1;": "no effect: only searches with MEMORIZE have levels",
