@@ -17,6 +17,14 @@ import ss2sql
 from ss2sql.session import variables
 
 
+def test_a_parameter_that_may_be_a_wrong_name_has_its_place_and_the_right_one(ss: ss2sql.Session) -> None:
+    ss.set("people", [{"name": "Ada"}])
+    with pytest.raises(ss2sql.ResolveError) as caught:
+        ss.compile("limit = 1; SELECT name FROM people WHERE nmae != None;").run()
+    assert (caught.value.code, caught.value.span.text) == ("R009", "nmae")
+    assert caught.value.hints == ("did you mean 'name'?", "run(..., nmae=...)")
+
+
 def test_unknown_names_of_a_compiled_script_are_its_parameters(ss: ss2sql.Session, engine: Any) -> None:
     query = ss.compile("SELECT this FROM [1, 2, 3, 4] WHERE this > least AND this < most AS list;")
     assert query.parameters == ("least", "most")

@@ -7,6 +7,7 @@ a `Type`, a promise about its values, and the span of its text.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field, replace
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -114,10 +115,14 @@ class Statement(Node):
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A resolved script. `parameters` are its unknown names: they need a value when the program runs."""
+    """A resolved script. `parameters` are its unknown names: they need a value when the program runs.
+
+    `mentions` are the places where these stand first, and the names that are known there.
+    """
 
     statements: tuple[Statement, ...]
     parameters: tuple[str, ...] = ()
+    mentions: Mapping[str, tuple[Span, tuple[str, ...]]] = field(default_factory=dict, compare=False, repr=False)
 
 
 Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]

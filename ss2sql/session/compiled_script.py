@@ -28,6 +28,7 @@ from ss2sql.errors import (
     Stopped,
     Timeout,
     UnsupportedError,
+    suggest_names,
     suggest_similar,
 )
 from ss2sql.frontend.resolve.scope import UnknownNames
@@ -165,7 +166,7 @@ class Query:
         engine: Engine,
         takes_parameters: bool = False,
     ) -> None:
-        self.parameters = program.parameters
+        self.parameters, self._mentions = program.parameters, program.mentions
         self._host = host
         self._execute = execute
         self._script = script
@@ -290,7 +291,11 @@ class Query:
             # Others may be columns of a missing source.
             meant = (n for n in variables if n not in self.parameters and suggest_similar(n, missing))
             hints += [f"'{name}' is no parameter of the script" for name in meant]
-            raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
+            for name in missing:
+                known = self._mentions[name][1]
+                hints = [*(suggest_names(name, known) if suggest_similar(name, known) else ()), *hints]
+            span = self._mentions[missing[0]][0]
+            raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", span, hints)
 
 
 def outline_compiled_script(

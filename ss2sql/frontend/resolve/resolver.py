@@ -70,7 +70,7 @@ def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
     resolver = Resolver(catalog)
     statements = tuple(resolver.resolve_statement(statement) for statement in script.statements)
     resolver.raise_errors()
-    return plan.Program(statements, tuple(resolver.parameters))
+    return plan.Program(statements, tuple(resolver.parameters), resolver.parameters)
 
 
 FIRST_EVAL_ID = 1_000_000  # the first number in strings of `eval`; scripts have smaller ones
@@ -92,7 +92,7 @@ class Resolver:
     def __init__(self, catalog: Catalog, base: int = 0) -> None:
         self.catalog = catalog
         self.errors: list[ResolveError] = []
-        self.parameters: dict[str, None] = {}
+        self.parameters: dict[str, tuple[Span, tuple[str, ...]]] = {}  # see plan.Program.mentions
         self.assigned: dict[str, Type] = {}  # variables that earlier statements assign
         self.late = dict(catalog.late)
         self.reading: list[str] = []  # the late lists that are being resolved, outermost first
@@ -273,7 +273,8 @@ class Resolver:
         if dynamic is not None:
             return resolve_source_column(dynamic, name, span)
         if self.catalog.unknown == "parameter":
-            self.parameters[name] = None
+            known = (*list_names_in_scope(scope), *self.assigned, *self.catalog.variables)
+            self.parameters.setdefault(name, (span, known))
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
         sources = tuple(source for level in scope.list_outwards() for source in level.sources) if scope else ()
@@ -281,7 +282,7 @@ class Resolver:
             if name in level.shown:
                 hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
                 raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
-        known = [*list_names_in_scope(scope), *self.list_variables(), *self.parameters]
+        known = (*list_names_in_scope(scope), *self.list_variables(), *self.parameters)
         searches = (
             (level.path_functions.search for level in scope.list_outwards() if level.path_functions is not None)
             if scope
