@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, time
 from typing import Any, NamedTuple
 
@@ -503,3 +503,22 @@ def _is_step_count(expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset
 
 def _join_note_words(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def note_unread_arguments(arguments: Iterable[str], statements: Sequence[plan.Statement]) -> Iterator[str]:
+    """That the script never reads an argument of the run, perhaps because a column has its name."""
+    read = {name for statement in statements for name, _ in statement.reads}
+    unread = [name for name in arguments if name not in read]
+    nodes = [node for statement in statements for node in walk(statement.expr)] if unread else []
+    late = (isinstance(node, plan.Call) and node.function.name == "var" for node in nodes)
+    if any(late) or any(isinstance(node, (plan.Eval, plan.AssignLate)) for node in nodes):
+        return  # these may read anything
+    named = (plan.Variable, plan.Temporal, plan.Assign, plan.TemporalAssign, plan.AssignLate)
+    read.update(node.name for node in nodes if isinstance(node, named))
+    owners = {column: source.name for source in nodes if isinstance(source, plan.SOURCES)
+              for column, _ in source.columns or ()}  # fmt: skip
+    for name in unread:
+        if name in owners and name not in read:
+            yield f"{name} is the column of {owners[name]}, not the argument {name}=...; give that another name"
+        elif name not in read:
+            yield f"the script never reads the argument {name}=..."

@@ -15,7 +15,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
@@ -40,7 +40,7 @@ from ss2sql.language.plan_traversal import list_plan_calls, walk
 from ss2sql.language.values import copy_for_python
 from ss2sql.lowering.sql_query import Sql
 from ss2sql.results import count_words
-from ss2sql.results.notes import suggest_timeout_cure
+from ss2sql.results.notes import note_unread_arguments, suggest_timeout_cure
 from ss2sql.results.result import OutlinedStatement, QueryResult, Result, Status, join_outlined_sql
 from ss2sql.runtime.parallel import IN_WORKER
 from ss2sql.runtime.run.run_state import (
@@ -463,27 +463,9 @@ def _build_script_result(run: Run, statements: Sequence[CompiledStatement], valu
         run.stats,
         answer,
         outline_compiled_script(statements, run),
-        (*told, *run.notes, *_note_unread_arguments(run, statements)),
+        (*told, *run.notes, *note_unread_arguments(run.arguments, [one.statement for one in statements])),
         traced,
     )
-
-
-def _note_unread_arguments(run: Run, statements: Sequence[CompiledStatement]) -> Iterator[str]:
-    """That the script never reads an argument of the run, perhaps because a column has its name."""
-    read = {name for compiled in statements for name, _ in compiled.statement.reads}
-    unread = [name for name in run.arguments if name not in read]
-    nodes = [node for compiled in statements for node in walk(compiled.statement.expr)] if unread else []
-    late = (isinstance(node, plan.Call) and node.function.name == "var" for node in nodes)
-    if any(late) or any(isinstance(node, (plan.Eval, plan.AssignLate)) for node in nodes):
-        return  # these may read anything
-    read.update(node.name for node in nodes if isinstance(node, (plan.Variable, *ASSIGNMENTS, plan.Temporal)))
-    owners = {column: source.name for source in nodes if isinstance(source, plan.SOURCES)
-              for column, _ in source.columns or ()}  # fmt: skip
-    for name in unread:
-        if name in owners and name not in read:
-            yield f"{name} is the column of {owners[name]}, not the argument {name}=...; give that another name"
-        elif name not in read:
-            yield f"the script never reads the argument {name}=..."
 
 
 def _start_session_workers(host: SessionHost, run: Run, workers: int) -> CallPrefetcher | None:

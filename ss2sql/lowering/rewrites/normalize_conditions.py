@@ -93,32 +93,36 @@ def _can_look_up(item: plan.Expr) -> bool:
 
 
 def _test_plain_parts_first(query: plan.Query) -> plan.Query:
-    """The query with comparisons that cannot fail before the first part of WHERE that makes a list or calls a function.
+    """The query with comparisons that cannot fail before parts of WHERE that make lists of the same sources.
 
     Of 10^6 rows for which `len(uniq([a, b, c])) == 3 AND a + b + c == 5` is tested, 21 need a list.
     """
     if not isinstance(query.where, plan.And):
         return query
-    parts = query.where.parts
-    plain = list(map(_is_plain_test, parts))
-    first = next((at for at, part in enumerate(parts) if not plain[at] and _needs_work(part)), len(parts))
-    later = [part for at, part in enumerate(parts) if plain[at] and at > first]
-    if not later:
-        return query
-    rest = [part for at, part in enumerate(parts) if at >= first and not plain[at]]
-    return replace(query, where=replace(query.where, parts=(*parts[:first], *later, *rest)))
+    parts: list[plan.Expr] = []
+    for part in query.where.parts:
+        place = len(parts)
+        if _is_quick(part) and not can_fail(part):
+            while place and _makes_list_of(parts[place - 1], list_sources(part)):
+                place -= 1
+        parts.insert(place, part)
+    return replace(query, where=replace(query.where, parts=tuple(parts)))
 
 
-def _is_plain_test(part: plan.Expr) -> bool:
-    return not (can_fail(part) or _needs_work(part))
+def _makes_list_of(part: plan.Expr, sources: frozenset[int]) -> bool:
+    """Whether a part makes a list of these sources, perhaps of more, and nobody but the language is called for it."""
+    own = all(isinstance(node, (*PLAIN_READS, plan.MakeList)) or _is_built_in(node) for node in walk(part))
+    return own and any(isinstance(node, plan.MakeList) for node in walk(part)) and list_sources(part) >= sources
 
 
-def _needs_work(part: plan.Expr) -> bool:
-    return not all(
-        isinstance(node, PLAIN_READS)
-        or (isinstance(node, plan.Call) and node.function.builtin and node.function.name in _QUICK)
-        for node in walk(part)
+def _is_quick(part: plan.Expr) -> bool:
+    return all(
+        isinstance(node, PLAIN_READS) or (_is_built_in(node) and node.function.name in _QUICK) for node in walk(part)
     )
+
+
+def _is_built_in(node: Any) -> TypeGuard[plan.Call]:
+    return isinstance(node, plan.Call) and node.function.builtin and not is_volatile(node)
 
 
 def _replace_condition(node: Any, name: str, condition: plan.Expr) -> Any:
