@@ -251,3 +251,8 @@ def test_the_value_of_a_variable_is_looked_at_once(
     ss.set("rows", [{"a": "x"}])
     assert ss.run("SELECT a + 'y' AS a FROM rows AS list;", engine=engine).value == ["xy"]
     assert len(looked_at) == 2
+    query = ss.compile("list = [3, 4]; SELECT this FROM list WHERE this > 3 AS list;", engine=engine)
+    assert query.run().value == [4]
+    looked_at.clear()
+    assert query.run().value == [4]  # the script assigns the same list
+    assert not looked_at

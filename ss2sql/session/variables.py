@@ -215,8 +215,11 @@ class Variables:
         return {name: copy_for_python(value) for name, value in sorted(self.values.items())}
 
     def assign_value(self, name: str, value: Any) -> None:
+        known = self._types.get(name)
         self.forget_name(name)
         self.values[name] = value
+        if known is not None and known[0] is value:  # a list that is written in the script, in its next run
+            self._types[name] = known
 
     def attach_source(
         self, name: str, source: Any, world: AttachedWorld | None = None, reader: Reader | None = None
