@@ -108,7 +108,9 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
             case exp.And():
                 return sql_builder.join_by_and([fill_node(part) for part in node.flatten()])
             case exp.Binary():
-                return finish(sql_builder.binary(type(node), fill_node(node.this), fill_node(node.expression)))
+                made: Node = sql_builder.binary(type(node), fill_node(node.this), fill_node(node.expression))
+                made.set("typed", True if isinstance(node, exp.Div) else None)  # sqlglot adds no cast of its own
+                return finish(made)
         made = node.copy()
         for name, part in node.args.items():
             if isinstance(part, list):
@@ -123,12 +125,14 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
 
 
 def _finish_sql_form(node: Node) -> Node:
-    """Names of functions as they are written."""
+    """Names of functions as they are written, and a float of an integer that is written out."""
     match node:
         case exp.Anonymous():
             return sql_builder.call(node.name, *node.expressions)
         case exp.Chr():
             return sql_builder.call("char", *node.expressions)
+        case exp.Cast(this=exp.Literal() as known) if node.to.sql("sqlite") == "REAL" and known.this.isdigit():
+            return exp.Literal.number(f"{known.this}.0")
     return node
 
 
