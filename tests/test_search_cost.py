@@ -46,7 +46,7 @@ def test_a_chain_twice_as_long_calls_twice_as_many_functions(option: str, engine
     assert many < 2.05 * few
 
 
-# --- what is asked and kept ----------------------------------------------------------------------------
+# --- what is evaluated and kept ----------------------------------------------------------------------------
 
 
 def test_sqlite_asks_stop_with_only_of_steps_that_cost_less(ss: ss2sql.Session) -> None:

@@ -46,7 +46,7 @@ SEARCHES: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
 
 
 def functions(form: str) -> dict[str, Callable[..., Any]]:
-    """`go` counts steps and notes the last element; `turn` counts in a circle, in the form at some steps only."""
+    """`go` counts steps and notes the last element; `turn` counts from 0 again and again, in the form at some steps."""
     return {
         "go": lambda at, move: FORMS[form](int(at[0]) + 1, move),
         "turn": lambda at, move: FORMS["the same" if move % 2 else form]((int(at[0]) + move) % 3, 1),

@@ -568,6 +568,10 @@ def _add_equal_values(known_values: list[plan.Expr], conditions: Sequence[Condit
     return known
 
 
+# A comparison with its sides exchanged.
+MIRRORED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
+
+
 def list_equal_sides(conditions: Iterable[Condition]) -> list[tuple[plan.Expr, plan.Expr]]:
     """What is equal where the conditions hold, each pair in both orders."""
     pairs: list[tuple[plan.Expr, plan.Expr]] = []

@@ -11,6 +11,7 @@ from ss2sql.frontend.resolve.search_clauses import FUNCTIONS
 from ss2sql.language import plan
 from ss2sql.language.kinds import NOTHING, Kind
 from ss2sql.language.plan_traversal import (
+    MIRRORED,
     can_vary_with,
     find_direct_assignments,
     find_growing_states,
@@ -253,7 +254,6 @@ def _note_unequal_kinds(nodes: list[plan.Node]) -> Iterator[str]:
 
 # --- times of data frames, which are texts
 _TIME = re.compile(r"\d{4}-\d\d-\d\d(T\d\d:\d\d:\d\d(\.\d+)?(\+00:00)?)?")
-_FLIPPED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
 
 
 class TimeComparison(NamedTuple):
@@ -275,14 +275,14 @@ def find_time_comparisons(query: plan.Query) -> tuple[TimeComparison, ...]:
         if not isinstance(node, plan.Call) or not node.function.builtin or node.function.name not in _TIME_TESTS:
             continue
         name, (left, right) = node.function.name, node.arguments
-        for function, column, text in ((name, left, right), (_FLIPPED.get(name, name), right, left)):
+        for function, column, text in ((name, left, right), (MIRRORED.get(name, name), right, left)):
             origin = _find_frame_column(column, sources)
             if origin is not None and isinstance(text, (plan.Constant, plan.Variable, plan.MakeList)):
                 found.append(TimeComparison(function, text, write_in_script(column), *origin))
     return tuple(found)
 
 
-_TIME_TESTS = {*_EQUALITIES, *_FLIPPED}
+_TIME_TESTS = {*_EQUALITIES, *MIRRORED}
 
 
 def _find_frame_column(

@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import field, replace
 from functools import cache, cached_property, wraps
-from inspect import Signature
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import apsw
@@ -48,6 +47,8 @@ from ss2sql.vtables import contract
 from ss2sql.vtables.contract import QueryCaches
 
 if TYPE_CHECKING:
+    from inspect import Signature
+
     from ss2sql.lowering.flat import TableFilter
     from ss2sql.runtime.external.level_query import TableEngine
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy

@@ -404,7 +404,7 @@ class Resolver:
         found = self.resolve_expr(reading, scope)
         if not isinstance(found, plan.Temporal) or found.times:
             hint = "write times(v{}) for the times of v{}, which v{5.0} = ... stores"
-            raise ResolveError("R014", "times is asked of a reading of a temporal variable", span, (hint,))
+            raise ResolveError("R014", "times takes a reading of a temporal variable", span, (hint,))
         return replace(found, times=True, span=span)
 
     # --- calls -----------------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
-from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
@@ -20,6 +19,8 @@ from ss2sql.language.kinds import ANY, Kind, Type
 from ss2sql.language.plan_traversal import walk
 
 if TYPE_CHECKING:
+    from inspect import Parameter, Signature
+
     from ss2sql.frontend.resolve.resolver import Resolver
     from ss2sql.frontend.resolve.search_clauses import PathFunctions
 

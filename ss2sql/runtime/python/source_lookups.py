@@ -22,6 +22,7 @@ from ss2sql.errors import Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
+from ss2sql.language.plan_traversal import MIRRORED
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis
 from ss2sql.runtime.python.located_code import AstBuilder
 from ss2sql.runtime.run.key_order import MIN_LENGTH, KeyOrder, RowOrder, order_numbers
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
     from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
     from ss2sql.runtime.python.native_query import QueryCompiler
     from ss2sql.vtables.attached_worlds import AttachedWorldTable
-
-
-_MIRRORED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +67,10 @@ class RangeLookup:
 def find_range_lookups(part: plan.Expr, analysis: ExpressionAnalysis) -> list[RangeLookup]:
     """The condition as lookups of a range, where neither side raises."""
     match part:
-        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _MIRRORED:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in MIRRORED:
             if not (analysis.facts(part).steady and analysis.facts(part).total):
                 return []
-            sides = [(left, name, right), (right, _MIRRORED[name], left)]
+            sides = [(left, name, right), (right, MIRRORED[name], left)]
             return [
                 RangeLookup(source, key, operator, other)
                 for key, operator, other in sides
@@ -256,7 +254,7 @@ def find_world_condition(condition: plan.Expr, sources: Sequence[plan.Source]) -
     """The condition as something that the adapter of one of the sources can use, if it is."""
     match condition:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _OPERATORS:
-            for column, own, value in ((left, name, right), (right, _MIRRORED.get(name, name), left)):
+            for column, own, value in ((left, name, right), (right, MIRRORED.get(name, name), left)):
                 sign = _OPERATORS[own]
                 if isinstance(column, plan.Column):
                     source = next((source for source in sources if source.id == column.source), None)
