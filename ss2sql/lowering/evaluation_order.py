@@ -17,23 +17,23 @@ guard it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import (
     can_end_early,
-    can_fail,
     has_query,
     is_volatile,
     list_plan_functions,
     list_sources,
     list_states,
     reads_outside,
+    split_and,
     walk,
 )
-from ss2sql.lowering.sqlite_expressions import is_sql_constant
+from ss2sql.lowering.guards import is_free, is_sql_constant, iterate_certain_parts
 from ss2sql.lowering.sqlite_forms import have_same_storage_class
 
 INDEXABLE_OPERATORS = frozenset({"item", "slice", "add", "sub", "mul", "div", "mod", "pow", "neg"})
@@ -112,7 +112,7 @@ def is_worth_materializing(source: plan.Source, parts: Sequence[plan.Expr]) -> b
 def _can_be_key(query: plan.Query, source: plan.Source, expr: plan.Expr, other: plan.Expr) -> bool:
     if isinstance(expr, (plan.Column, plan.Element)) and have_same_storage_class(expr.type, other.type, none=True):
         return False  # SQLite sees that by itself
-    if isinstance(source, plan.TableSource) and (can_fail(expr) or can_fail(other)):
+    if isinstance(source, plan.TableSource) and not is_free(expr, other):
         return False
     if list_sources(expr) != {source.id} or list_states(expr) or is_volatile(expr) or is_volatile(other):
         return False
@@ -127,9 +127,9 @@ def _find_key_after_guards(
     source: int, expr: plan.Expr, other: plan.Expr, before: Sequence[plan.Expr]
 ) -> ExpressionKey | None:
     """The key after the parts that guard it: what can fail must not be evaluated for an element that they drop."""
-    if can_fail(other) and any(source in list_sources(part) for part in before):
+    if not is_free(other) and any(source in list_sources(part) for part in before):
         return None
-    if not can_fail(expr):
+    if is_free(expr):
         return ExpressionKey(expr, other)
     alone = all(list_sources(part) == {source} and not list_states(part) and not is_volatile(part) for part in before)
     return ExpressionKey(expr, other, tuple(before)) if alone else None
@@ -179,19 +179,18 @@ class EvaluationOrder:
     def split_where(self) -> list[Condition]:
         """The parts of WHERE in written order. One that may fail is not evaluated before those that guard it."""
         last = len(self.query.sources)
-        parts = () if self.query.where is None else tuple(_iterate_conjuncts(self.query.where))
+        parts = split_and(self.query.where)
         placed: list[Condition] = []
         reached = 1
         for index, part in enumerate(parts):
-            level, fails = self.count_sources(part), can_fail(part)
+            level = self.count_sources(part)
             source = self.query.sources[level - 1]
             key = find_expression_key(self.query, source, parts, index) if self.may_look_up else None
-            if key is not None:
-                fails = False
-            if fails:
+            free = key is not None or is_free(part)
+            if not free:
                 level = max(level, reached) if self.early else last
             reached = max(reached, level)
-            placed.append(Condition(part, level, not fails, key))
+            placed.append(Condition(part, level, free, key))
         return placed
 
     def find_hoisted_values(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[HoistedValue]:
@@ -215,37 +214,10 @@ class EvaluationOrder:
         if expr in found or not _is_costly(expr):
             return
         own = min(level, max(self.count_sources(expr), guarded))
-        for part in _iterate_certain_parts(expr):
+        for part in iterate_certain_parts(expr):
             self._hoist(part, own, guarded, found)
         if own < level:
             found[expr] = HoistedValue(expr, own)
-
-
-def _iterate_conjuncts(expr: plan.Expr) -> Iterator[plan.Expr]:
-    """The parts of a conjunction, those of conjunctions inside of it, too: SQLite takes it apart as well."""
-    if isinstance(expr, plan.And):
-        for part in expr.parts:
-            yield from _iterate_conjuncts(part)
-    else:
-        yield expr
-
-
-def _iterate_certain_parts(expr: plan.Expr) -> Iterator[plan.Expr]:
-    """The parts that are evaluated whenever the expression is, up to the first that may not be."""
-    match expr:
-        case plan.Call(arguments=arguments):
-            yield from arguments
-        case plan.MakeList(items=items):
-            yield from items
-        case plan.And(parts=parts) | plan.Or(parts=parts):
-            yield parts[0]
-        case plan.Not(operand=operand):
-            yield operand
-        case plan.If(condition=condition):
-            yield condition
-        case plan.Xor(left=left, right=right):
-            yield left
-            yield right
 
 
 def _is_costly(expr: plan.Expr) -> bool:

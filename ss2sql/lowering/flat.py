@@ -11,10 +11,11 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type, is_flag
-from ss2sql.language.plan_traversal import can_fail, join_conditions, list_sources, list_states, split_and, walk_own
+from ss2sql.language.plan_traversal import join_conditions, list_sources, list_states, split_and, walk_own
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import EvaluationOrder
 from ss2sql.lowering.from_clause import FromItem, is_view, lower_numbered_rows, lower_sources
+from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.join import JoinBuilder
 from ss2sql.lowering.sql_builder import SQLITE, Node
 from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS, Parameter, can_be_literal, choose_sql_names
@@ -284,7 +285,7 @@ def _find_row_conditions(source: plan.Source, where: Sequence[plan.Expr]) -> lis
     """The conditions on the rows of a view alone, which are evaluated before the rows are numbered."""
     if not isinstance(source, plan.TableSource):
         return []
-    return [one for one in where if list_sources(one) == {source.id} and not list_states(one) and not can_fail(one)]
+    return [one for one in where if list_sources(one) == {source.id} and not list_states(one) and is_free(one)]
 
 
 def _find_all_sources(query: plan.Query) -> list[plan.Source]:

@@ -28,7 +28,6 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, is_flag
 from ss2sql.language.plan_traversal import (
-    can_fail,
     can_vary_with,
     has_query,
     list_columns_read,
@@ -38,7 +37,7 @@ from ss2sql.language.plan_traversal import (
     walk,
 )
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.search_step import find_certain_parts
+from ss2sql.lowering.guards import find_certain_parts, is_free
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import ROW_NUMBER, ElementCall, ListTable, choose_free_name, choose_sql_names
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
@@ -72,18 +71,15 @@ def _iterate_step_expressions(query: plan.Query) -> Iterator[plan.Expr]:
     if search.made is not None or search.first is not None:  # which come before all else
         yield from find_certain_parts(search.made if search.first is None else None)
         return
-    clauses = [*find_certain_parts(search.stop), *find_certain_parts(query.where)]
+    clauses = list(find_certain_parts(search.stop, query.where))
     if search.repeats in ("unique", "no cycle") and search.by == "row":
         row = search.key or tuple(output.expr for output in query.columns)
-        yield from (part for expr in row for part in find_certain_parts(expr))
+        yield from find_certain_parts(*row)
         # Clauses are evaluated for new rows. A repeated row was evaluated where it has all that they read.
         clauses = [part for part in clauses if all(read in row for read in _iterate_element_arguments(part))]
     yield from clauses
     if search.stop is None and query.where is None:
-        for output in query.columns:
-            yield from find_certain_parts(output.expr)
-        for _, expr in search.connect:
-            yield from find_certain_parts(expr)
+        yield from find_certain_parts(*(output.expr for output in query.columns), *(e for _, e in search.connect))
 
 
 def _iterate_element_arguments(part: plan.Expr) -> Iterator[plan.Expr]:
@@ -317,10 +313,7 @@ def can_lower_into_join(query: plan.Query) -> bool:
         return False
     inside = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
     inside += [output.expr for output in query.columns]
-    inside += [query.where] if query.where is not None else []
-    return not any(can_fail(part) for part in inside) and not any(
-        isinstance(source, plan.QuerySource) for source in query.sources
-    )
+    return is_free(*inside, query.where) and not any(isinstance(one, plan.QuerySource) for one in query.sources)
 
 
 def _reads_only_outer_rows(query: plan.Query, siblings: set[int]) -> bool:

@@ -23,7 +23,7 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import can_fail, list_parts, list_sources, reads_outside, split_and
+from ss2sql.language.plan_traversal import list_parts, list_sources, reads_outside, split_and
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import (
     MIN_INDEXED_LENGTH,
@@ -34,6 +34,7 @@ from ss2sql.lowering.evaluation_order import (
     find_expression_key,
 )
 from ss2sql.lowering.from_clause import FromItem
+from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import choose_free_name, choose_sql_names
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
@@ -178,7 +179,7 @@ class JoinBuilder:
         late += [output.expr for output in query.columns]
         if len(tables) < len(query.sources) or not any(map(list_sources, evaluated)):
             return False
-        return any(map(can_fail, late))
+        return not is_free(*late)
 
     def _sort_rows(self, conditions: list[Condition]) -> None:
         """Joins tables by what cannot fail, sorts the rows, and evaluates the rest row by row."""
@@ -279,7 +280,7 @@ class JoinBuilder:
             key = find_expression_key(self.query, inner, parts, index) if self.levels.may_look_up else None
             if key is not None:
                 on.append(self._write_key_equality(item.alias_or_name, key, self._add_key(inner, key)))
-            elif not can_fail(one):
+            elif is_free(one):
                 on.append(sql_builder.keep_condition(lower.lower_condition(one, self.scope)))
             else:
                 on.append(lower.lower_and(parts, self.scope))

@@ -22,11 +22,10 @@ from ss2sql.language.plan_traversal import find_direct_assignments, has_query, l
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering, lower_aggregate_inputs, lower_group_inputs
 from ss2sql.lowering.from_clause import add_call_columns, find_element_calls
+from ss2sql.lowering.guards import is_evaluated_by
 from ss2sql.lowering.recursive_query import RecursiveQuery, iterate_sql_element_reads, shorten_sql_column_name
 from ss2sql.lowering.search_step import (
     SearchStep,
-    find_certain_parts,
-    find_fallible_parts,
     find_step_equalities,
     simplify_by_equalities,
     split_stop_conditions,
@@ -171,8 +170,7 @@ class EagerSearch(RecursiveQuery):
             return True
         if name not in self.at_once:  # it reads what is set before it, whose type is that of states that go on
             return False
-        done = find_certain_parts(self.query.where) + find_certain_parts(self.search.stop)
-        return all(any(part == other for other in done) for part in find_fallible_parts(self.at_once[name]))
+        return is_evaluated_by(self.at_once[name], self.query.where, self.search.stop)
 
     def now(self) -> SqlScope:
         """Reads the step that was taken: its elements, the state before it, and the calls that became columns."""

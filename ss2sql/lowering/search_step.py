@@ -13,7 +13,7 @@ an index: a hierarchy of a million rows then costs its size, not its square.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -22,17 +22,10 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type, can_be_equal, is_flag
-from ss2sql.language.plan_traversal import (
-    can_fail,
-    is_volatile,
-    join_conditions,
-    list_parts,
-    list_sources,
-    split_and,
-    walk,
-)
+from ss2sql.language.plan_traversal import is_volatile, join_conditions, list_sources, split_and
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import get_equality_sides
+from ss2sql.lowering.guards import is_free, list_free_parts
 from ss2sql.lowering.sql_builder import Node, negate
 from ss2sql.lowering.sqlite_expressions import SqlScope
 
@@ -93,14 +86,13 @@ class SearchStep:
 
         This is the part of CONNECT BY that cannot fail, and equalities without which the step would stop as no goal.
         """
-        parts = [part for part in split_and(self.made) if not can_fail(part)]
+        parts = list_free_parts(self.made, plan.And)
         return [self.expressions.lower_condition(part, self.scope) for part in (*parts, *self.of.looked_up)]
 
     def _lower_connect_test(self) -> list[Node]:
         """The condition of CONNECT BY if it can fail, so that it is evaluated before the rest."""
         made = self.made
-        clauses = [self.search.stop, self.query.where, self.search.weight, *self.of.compared, made]
-        if made is None or not any(clause is not None and can_fail(clause) for clause in clauses):
+        if made is None or is_free(self.search.stop, self.query.where, self.search.weight, *self.of.compared, made):
             return []
         return [self.expressions.lower_condition(made, self.scope)]
 
@@ -113,21 +105,16 @@ class SearchStep:
         if weighs:
             new, weighed = weighed, []
         # What SQLite computes by itself is evaluated before what calls Python.
-        fails = self.search.weight is not None and can_fail(self.search.weight)
         calls = self._do_call_python(alive) or bool(self.of.shared)
-        new_first = calls and not (weighs and fails) and self.search.by == "row"
+        by_row = self.search.by == "row"
+        new_first = calls and by_row and not (weighs and not is_free(self.search.weight))
         made = self._lower_connect_test()
         conditions = [*made, *(new + alive if new_first else alive + new), *weighed]
-        guarded = bool(made) or (fails and bool(alive)) or (bool(alive) and self._can_key_fail())
-        if guarded and len(conditions) > 1:
-            # STOP WITH guards the weight; parts of AND SQLite evaluates as early as it can.
+        key = () if by_row else (*self.of.compared, *(expr for _, expr in self.search.connect))
+        if made or (alive and not is_free(self.search.weight, *key)):
+            # STOP WITH guards the weight and the key; parts of AND SQLite evaluates as early as it can.
             return [sql_builder.case_in_order(conditions)]
         return conditions
-
-    def _can_key_fail(self) -> bool:
-        """Whether the key, which is evaluated after STOP WITH, can fail."""
-        parts = [*self.of.compared, *(expr for _, expr in self.search.connect)]
-        return self.search.by != "row" and any(map(can_fail, parts))
 
     def _do_call_python(self, drops: list[Node]) -> bool:
         return any(map(sql_builder.calls_python, drops))
@@ -259,7 +246,7 @@ class SearchStep:
 
     def _can_estimate_fail(self) -> bool:
         heuristic = self.search.heuristic
-        return heuristic is not None and (can_fail(heuristic) or not is_within_bound(heuristic.type, self.of.most))
+        return heuristic is not None and not (is_free(heuristic) and is_within_bound(heuristic.type, self.of.most))
 
     def _lower_checked(self, expr: plan.Expr, check: str) -> Node:
         node = self.expressions.lower_expr(expr, self.scope)
@@ -329,49 +316,17 @@ def _add_sql_terms(left: Node, right: Node) -> Node:
     return sql_builder.binary(exp.Add, left, right)
 
 
-def find_fallible_parts(expr: plan.Expr | None) -> list[plan.Expr]:
-    """The parts of an expression that can fail by themselves."""
-    return [node for node in walk(expr) if _can_fail_alone(node)] if expr is not None else []
-
-
-def _can_fail_alone(node: object) -> bool:
-    match node:
-        case plan.Subquery():
-            return True
-        case plan.Column(declared=declared):
-            return not declared
-        case plan.Call():
-            return can_fail(replace(node, arguments=()))
-        case _:
-            return False
-
-
-def find_certain_parts(clause: plan.Expr | None) -> list[plan.Expr]:
-    """The parts of a clause that are evaluated whenever the clause is."""
-    inside: Iterable[plan.Expr]
-    match clause:
-        case None:
-            return []
-        case plan.And(parts=(first, *_)) | plan.Or(parts=(first, *_)):
-            inside = [first]
-        case plan.If(condition=condition):
-            inside = [condition]
-        case _:
-            inside = [part for part in list_parts(clause) if not isinstance(part, plan.Query)]
-    return [clause, *(known for part in inside for known in find_certain_parts(part))]
-
-
 # --- `lookup`: what a step of a search must equal lest it leaves no trace is looked up, not found by going through al
 def find_step_equalities(query: plan.Query) -> list[plan.Expr]:
     """The equalities of a search that every step must meet; none of them can fail."""
     search = query.search
     if search is None or search.stop is None:
         return []
-    wanted = None if query.where is None else _find_infallible_parts(query.where, plan.And)
+    wanted = None if query.where is None else list_free_parts(query.where, plan.And)
     found: list[plan.Expr] = []
-    for part in _find_infallible_parts(search.stop, plan.Or):
+    for part in list_free_parts(search.stop, plan.Or):
         equality = _get_denied_equality(part)
-        if equality is not None and (wanted is None or any(equality == other for other in wanted)):
+        if equality is not None and (wanted is None or equality in wanted):
             found.append(equality)
     return found
 
@@ -395,11 +350,6 @@ def _remove_known_parts(
     parts = clause.parts if isinstance(clause, kind) else (clause,)
     left = [part for part in parts if not is_known(part)]
     return join_conditions(kind, left, clause.span) if left else None
-
-
-def _find_infallible_parts(clause: plan.Expr, kind: type[plan.And] | type[plan.Or]) -> list[plan.Expr]:
-    """The parts of a clause that cannot fail: they may be evaluated before the others."""
-    return [part for part in (clause.parts if isinstance(clause, kind) else (clause,)) if not can_fail(part)]
 
 
 def _get_denied_equality(part: plan.Expr) -> plan.Expr | None:

@@ -31,7 +31,6 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, is_flag
 from ss2sql.language.operations import PREDICATES
 from ss2sql.language.plan_traversal import (
-    can_fail,
     has_constant_source,
     list_inside,
     list_parts,
@@ -41,6 +40,7 @@ from ss2sql.language.plan_traversal import (
 )
 from ss2sql.lowering import sql_builder, sqlite_forms
 from ss2sql.lowering.equality import SPECIAL_OPERATIONS
+from ss2sql.lowering.guards import can_be_parameter, is_in_order
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import get_builtin_name
 from ss2sql.lowering.statement_needs import StatementNeeds
@@ -218,13 +218,13 @@ class ExpressionLowering:
             case plan.Xor(left=left, right=right):
                 one, other = self.lower_condition(left, scope), self.lower_condition(right, scope)
                 return sql_builder.binary(exp.NEQ, one, other)
-            case plan.Not(operand=plan.And(parts=parts)) if any(map(can_fail, parts[1:])):
+            case plan.Not(operand=plan.And(parts=parts)) if is_in_order(parts):
                 return self.lower_and(parts, scope, denied=True)
             case plan.Not(operand=operand):
                 return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
             case plan.If():
                 return self.lower_if(expr, scope)
-            case plan.MakeList() if not can_fail(expr) and is_sql_constant(expr):
+            case plan.MakeList() if can_be_parameter(expr):
                 return self.needs.bind_value(expr)
             case plan.MakeList(items=items):
                 return sql_builder.call("list", *(self.lower_value(item, scope) for item in items))
@@ -281,7 +281,7 @@ class ExpressionLowering:
         node = by_hand(self, expr, scope)
         if node is not None:
             return node
-        if not can_fail(expr) and is_sql_constant(expr):
+        if can_be_parameter(expr):
             return self.needs.bind_value(expr, None, is_flag(expr.type))
         node = sqlite_forms.lower_checked(self, expr, scope)
         if node is not None:
@@ -307,7 +307,7 @@ class ExpressionLowering:
     def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope, denied: bool = False) -> Node:
         """A conjunction, or what it denies; CASE keeps later parts from being evaluated where that could be noticed."""
         conditions = [self.lower_condition(part, scope) for part in parts]
-        if not any(can_fail(part) for part in parts[1:]):
+        if not is_in_order(parts):
             return sql_builder.join_by_and([sql_builder.keep_condition(condition) for condition in conditions])
         return sql_builder.case_in_order(conditions, denied)
 
@@ -334,11 +334,6 @@ class ExpressionLowering:
         return self.unbox_value(
             sql_builder.call(f"group_{expr.function}", argument, self.write_place(expr.span)), expr.type
         )
-
-
-def is_sql_constant(expr: plan.Expr) -> bool:
-    """Whether an expression has one value per run: it reads only constants and script variables."""
-    return all(isinstance(part, (plan.Constant, plan.Variable, plan.Call, plan.MakeList)) for part in walk(expr))
 
 
 def _prints_exactly(value: float) -> bool:

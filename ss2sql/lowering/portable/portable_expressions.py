@@ -10,7 +10,6 @@ meet: they are written so that their truth is never NULL.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, TypeAlias
 
 from sqlglot import exp
@@ -19,8 +18,9 @@ from ss2sql.errors import Error, Span, UnsupportedError
 from ss2sql.language import plan
 from ss2sql.language.kinds import NOTHING, Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, list_plan_choices
+from ss2sql.language.plan_traversal import list_plan_choices
 from ss2sql.lowering import sql_builder
+from ss2sql.lowering.guards import is_free, is_free_by_itself
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import fill_operands
 
@@ -205,7 +205,7 @@ class PortableExpressions:
         raise build_refusal(f"{expr.function} of such values is not the same everywhere", expr.span)
 
     def lower_call(self, expr: plan.Call, scope: SqlScope) -> Node:
-        name, fails = expr.function.name, can_fail(replace(expr, arguments=()))
+        name, fails = expr.function.name, not is_free_by_itself(expr)
         written = SPECIAL_OPERATIONS.get(name, _write_form if OPERATIONS[name].portable else None)
         node = None if fails or written is None else written(self, expr, scope)
         if node is None and not fails:
@@ -269,7 +269,7 @@ class PortableExpressions:
 
     def _write_conditional(self, expr: plan.If, scope: SqlScope) -> Node:
         branches = expr.then[-1], expr.otherwise[-1]
-        if any(can_fail(part) for branch in (expr.then, expr.otherwise) for part in branch[:-1]):
+        if not is_free(*expr.then[:-1], *expr.otherwise[:-1]):
             raise build_refusal("what stands before the last value of a branch may fail", expr.span)
         values = [self.lower_value(branch, scope) for branch in branches]
         return sql_builder.case([(self.lower_condition(expr.condition, scope), values[0])], values[1])

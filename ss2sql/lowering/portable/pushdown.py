@@ -18,9 +18,10 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import FLOAT, Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.operations.operation import remove_none_kind
-from ss2sql.language.plan_traversal import can_fail, list_inside, list_sources
+from ss2sql.language.plan_traversal import list_inside, list_sources
 from ss2sql.language.rows import make_unique_name
 from ss2sql.lowering import sql_builder
+from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.portable.portable_expressions import (
     Node,
     PortableExpressions,
@@ -168,7 +169,7 @@ class _PortableSourceWriter:
         spelt = get_literal_elements(source.value)
         if spelt is not None and len(spelt) <= MAX_WRITTEN_ROWS:
             return write_values(source, label, enumerate(spelt))
-        if self.count > 1 and can_fail(source.value):
+        if self.count > 1 and not is_free(source.value):
             raise build_refusal("the sources before decide whether this is evaluated, and it may fail", source.span)
         return self._load_source(source, label)
 

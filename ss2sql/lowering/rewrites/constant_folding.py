@@ -20,7 +20,8 @@ from ss2sql.errors import Error, Span
 from ss2sql.language import plan
 from ss2sql.language.kinds import is_supertype
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, is_volatile, rebuild_node, walk
+from ss2sql.language.plan_traversal import is_volatile, rebuild_node, walk
+from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.rewrites.rewrite_context import (
     MAX_ELEMENTS,
     RewriteContext,
@@ -134,7 +135,7 @@ def fold_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr | 
     if node.scope is None or any(level.grouped for level in node.scope.list_outwards()):
         return None
     expr = world.read(node.text.value, node.scope)
-    if expr is None or can_fail(expr):
+    if expr is None or not is_free(expr):
         return None
     parts = list(walk(expr))
     if any(isinstance(part, (plan.Temporal, *_OF_GROUPS)) for part in parts):

@@ -28,7 +28,8 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, list_sources, split_and, walk
+from ss2sql.language.plan_traversal import list_sources, split_and, walk
+from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.rewrites.constant_folding import fold_node
 from ss2sql.lowering.rewrites.rewrite_context import (
     RewriteContext,
@@ -140,7 +141,7 @@ def _derive_difference_ends(part: plan.Expr, number: Mapping[int, int], sources:
             away = make_constant(sign * (bound if whole else _widen_end(bound, outwards)), span)
             end = make_call("add", far, away, span=span)
             found.append(make_call("le" if sign * outwards > 0 else "ge", near, end, span=span))
-        return [] if any(map(can_fail, found)) else found
+        return found if is_free(*found) else []
     return []
 
 
@@ -198,7 +199,7 @@ def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
 
 
 def _is_distance_to_rewrite(expr: plan.Expr) -> bool:
-    return expr.type.is_only(_NUMBER) and expr.type.is_bounded(MAX_DISTANCE) and not can_fail(expr)
+    return expr.type.is_only(_NUMBER) and expr.type.is_bounded(MAX_DISTANCE) and is_free(expr)
 
 
 def _can_rewrite_to_range(source: plan.WorldSource | plan.ValueSource, place: Point) -> bool:
@@ -230,4 +231,4 @@ def _build_ranges(place: Point, centre: Point, radius: plan.Expr) -> list[plan.E
         span = column.span
         found.append(make_call("ge", column, make_call("sub", value, radius, span=span), span=span))
         found.append(make_call("le", column, make_call("add", value, radius, span=span), span=span))
-    return [] if any(map(can_fail, found)) else found
+    return found if is_free(*found) else []

@@ -32,7 +32,8 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.frontend.resolve.scope import resolve_source_column
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.plan_traversal import can_fail, is_column_query, walk
+from ss2sql.language.plan_traversal import is_column_query, walk
+from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, rewrite_bottom_up
 
 if TYPE_CHECKING:
@@ -133,4 +134,4 @@ def _is_list_query(query: plan.Query) -> bool:
         return False
     if not all(isinstance(source, (plan.TableSource, plan.ValueSource)) for source in query.sources):
         return False
-    return not any(map(can_fail, (*query.sources, query.columns[0].expr, *((query.where,) if query.where else ()))))
+    return is_free(*query.sources, query.columns[0].expr, query.where)

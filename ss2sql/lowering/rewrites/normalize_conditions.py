@@ -21,8 +21,9 @@ from dataclasses import replace
 from typing import Any, TypeGuard
 
 from ss2sql.language import plan
-from ss2sql.language.plan_traversal import can_fail, is_volatile, list_sources, list_states, walk
+from ss2sql.language.plan_traversal import is_volatile, list_sources, list_states, walk
 from ss2sql.language.values import SCALARS
+from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
     PLAIN_READS,
@@ -102,7 +103,7 @@ def _test_plain_parts_first(query: plan.Query) -> plan.Query:
     parts: list[plan.Expr] = []
     for part in query.where.parts:
         place = len(parts)
-        if _is_quick(part) and not can_fail(part):
+        if _is_quick(part) and is_free(part):
             while place and _makes_list_of(parts[place - 1], list_sources(part)):
                 place -= 1
         parts.insert(place, part)

@@ -17,8 +17,9 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, is_flag, is_supertype, type_of
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, join_conditions, rebuild_node
+from ss2sql.language.plan_traversal import join_conditions, rebuild_node
 from ss2sql.language.values import get_truth
+from ss2sql.lowering.guards import is_in_order
 
 Node = TypeVar("Node")
 
@@ -94,7 +95,7 @@ def negate_expression(expr: plan.Expr) -> plan.Expr:
             return make_constant(not is_folded_true(expr), expr.span)
         case plan.Not(operand=operand):
             return operand
-        case plan.And(parts=parts) if not any(map(can_fail, parts[1:])):  # AND guards them, OR in SQL does not
+        case plan.And(parts=parts) if not is_in_order(parts):  # AND guards them, OR in SQL does not
             return plan.Or(tuple(map(negate_expression, parts)), span=expr.span)
         case plan.Or(parts=parts):
             return plan.And(tuple(map(negate_expression, parts)), span=expr.span)

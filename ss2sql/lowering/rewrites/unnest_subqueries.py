@@ -26,7 +26,6 @@ from ss2sql.errors import Span
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, NONE, unite
 from ss2sql.language.plan_traversal import (
-    can_fail,
     has_query,
     is_column_query,
     is_exists,
@@ -37,6 +36,7 @@ from ss2sql.language.plan_traversal import (
     split_and,
     walk,
 )
+from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.rewrites.constant_folding import fold_constant_string, fold_node
 from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
@@ -71,7 +71,7 @@ def unroll_rows(query: plan.Query, world: RewriteContext) -> list[plan.Expr] | N
     rows: list[plan.Expr] = []
     for item in items:
         passes, *columns = (substitute_element(part, source.id, item, world) for part in parts)
-        if any(part is None or can_fail(part) for part in (item, passes, *columns)):
+        if None in (passes, *columns) or not is_free(item, passes, *columns):
             return None
         rows.append(passes)
     return rows
@@ -82,9 +82,8 @@ def _is_plain_query(query: plan.Query) -> bool:
     shaped = (
         query.search or query.grouped or query.limit or query.representation.arguments or query.representation.named
     )
-    keys = any(can_fail(key.expr) for key in query.order)
-    alone = len(query.sources) == 1
-    return alone and not (shaped or keys) and query.representation.name in LIST_FORMS
+    sortable = is_free(*(key.expr for key in query.order))
+    return len(query.sources) == 1 and sortable and not shaped and query.representation.name in LIST_FORMS
 
 
 def _list_elements(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | None:
