@@ -152,3 +152,16 @@ def test_a_long_literal_is_shown_by_its_beginning(ss: ss2sql.Session) -> None:
     literal = str(list(range(100, 400)))
     sql = str(ss.compile(f"SELECT this FROM [150, 7] WHERE this IN {literal} AS list", engine="database").sql)
     assert f"/* {literal[:57]}... */" in sql
+
+
+def test_the_coordinates_of_points_are_passed_as_numbers(ss: ss2sql.Session) -> None:
+    ss.attach("places", [{"x": 0.0, "y": 0.0}, {"x": 3.0, "y": None}, {"x": 6.0, "y": 8.0}])
+    script = "SELECT distance([p.x, p.y], [q.x, q.y]), norm([p.x, 4]) FROM p = places, q = places WHERE {} AS rows;"
+    result = ss.run(script.format("p.x < q.x AND p.y == 0 AND q.y == 8"), engine="database")
+    assert list(result) == [(10.0, 4.0)]
+    assert "distance(p.x, p.y, q.x, q.y, " in result.sql
+    assert "list(" not in result.sql
+    with pytest.raises(ss2sql.ExecutionError, match="distance works on numbers, not on None") as raised:
+        ss.run(script.format("p.x < q.x"), engine="database")
+    assert raised.value.span is not None
+    assert raised.value.span.column == 8

@@ -29,7 +29,8 @@ from ss2sql.errors import NOWHERE, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, is_flag
-from ss2sql.language.operations import PREDICATES
+from ss2sql.language.operations import OPERATIONS, PREDICATES
+from ss2sql.language.operations.operation import find_sql_class
 from ss2sql.language.plan_traversal import (
     has_constant_source,
     list_inside,
@@ -290,7 +291,8 @@ class ExpressionLowering:
 
     def call_python(self, expr: plan.Call, scope: SqlScope, rarely: bool = False) -> Node:
         """A call of the language's own function on values."""
-        node = self.write_python_call(expr, [self.lower_value(argument, scope) for argument in expr.arguments])
+        arguments = _list_items(expr) or expr.arguments
+        node = self.write_python_call(expr, [self.lower_value(argument, scope) for argument in arguments])
         return sql_builder.mark_sql_as_rare(node) if rarely else node
 
     def write_python_call(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
@@ -334,6 +336,16 @@ class ExpressionLowering:
         return self.unbox_value(
             sql_builder.call(f"group_{expr.function}", argument, self.write_place(expr.span)), expr.type
         )
+
+
+def _list_items(call: plan.Call) -> list[plan.Expr]:
+    """The items of lists of numbers that are written out, where the call takes them so: a list costs 1 us to make."""
+    if not OPERATIONS[call.function.name].takes_items:
+        return []
+    lists = [argument.items for argument in call.arguments if isinstance(argument, plan.MakeList)]
+    items = [item for one in lists for item in one]
+    fits = len(lists) == len(call.arguments) and len(set(map(len, lists))) == 1
+    return items if fits and all(find_sql_class(item.type, none=True) == "number" for item in items) else []
 
 
 def _prints_exactly(value: float) -> bool:

@@ -122,8 +122,13 @@ def _infer_root(types: Types) -> Type:
     return Type(Kind.FLOAT, math.sqrt(max(low, 0)), math.sqrt(high))
 
 
-def _measure_distance(left: Any, right: Any) -> float:
+def _measure_distance(*points: Any) -> float:
     """The Euclidean distance of two numbers, or of two equally long lists of numbers."""
+    if len(points) > 2:
+        check_numbers("distance", points)
+        half = len(points) // 2
+        return float(check_arithmetic(math.dist(points[:half], points[half:])))
+    left, right = points
     if type(left) is not list and type(right) is not list:
         check_numbers("distance", (left, right))
         return float(check_arithmetic(float(abs(left - right))))
@@ -140,9 +145,9 @@ def _measure_distance(left: Any, right: Any) -> float:
     return float(check_arithmetic(math.dist(left, right)))
 
 
-def _measure_norm(value: Any) -> float:
+def _measure_norm(*values: Any) -> float:
     """The Euclidean length of a list of numbers; the absolute value of a number."""
-    coordinates = value if type(value) is list else [value]
+    coordinates = values[0] if len(values) == 1 and type(values[0]) is list else values
     check_numbers("norm", coordinates)
     return float(check_arithmetic(math.hypot(*coordinates)))
 
@@ -343,11 +348,11 @@ OPERATIONS = (
     declare(
         "distance", 2, _measure_distance, _infer_size, _can_size_fail, call="distance(a, b)",
         about="the distance of two numbers or points", example="[distance([0, 0], [3, 4]), distance(1, 5)]",
-        python=(Form(math.dist, _are_points, FINITE.partition(" <= ")[2]),),
+        python=(Form(math.dist, _are_points, FINITE.partition(" <= ")[2]),), takes_items=True,
     ),
     declare(
         "norm", 1, _measure_norm, _infer_size, _can_size_fail,
-        call="norm(list)", about="the length of a list of numbers", example="norm([3, 4])",
+        call="norm(list)", about="the length of a list of numbers", example="norm([3, 4])", takes_items=True,
     ),
     _make_round("floor", math.floor, "the greatest integer that is not above the number", "[floor(2.5), floor(-2.5)]"),
     _make_round("ceil", math.ceil, "the least integer that is not below the number", "[ceil(2.5), ceil(-2.5)]"),

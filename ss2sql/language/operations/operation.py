@@ -157,6 +157,7 @@ class Operation:
     grows: bool = False  # the value may be larger than the arguments together, so it is measured
     group: AggregateOperation | None = None
     collects: bool = False  # with GROUP BY the first argument is the list of the values of a group
+    takes_items: bool = False  # the value takes equally long lists of numbers also as their items, one after the other
 
     def make_function(self, types: Types | None = None) -> Function:
         """The function as the plan knows it; with `types` those of one call."""

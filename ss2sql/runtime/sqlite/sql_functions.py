@@ -526,7 +526,8 @@ def make_builtin_callback(
             run.check()
         try:
             make = interning.sizes.wrap_function(name, python) if makes else python
-            result = make(*map(interning.decode, arguments[:-1]))
+            *values, _ = arguments
+            result = make(*(map(interning.decode, values) if bytes in map(type, values) else values))
             return int(result) if predicate else interning.encode(result)
         except Error as error:
             execution.failed = True
