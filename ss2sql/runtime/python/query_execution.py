@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
 from functools import partial
 from itertools import chain, islice
-from operator import length_hint
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.fast_dataclasses import dataclass
@@ -97,30 +96,6 @@ def make_known_steps_check(run: Run) -> Callable[[int], None]:
             due = check_turn(steps)
 
     return check_steps
-
-
-class Parts:
-    """The items of a long list, which looks at the clock between parts of it; it knows how many are left."""
-
-    def __init__(self, items: Sequence[Any], run: Run) -> None:
-        self._items = items
-        self._run = run
-        self._begun = 0
-        self._part: Iterator[Any] = iter(())
-
-    def __iter__(self) -> Iterator[Any]:
-        return chain.from_iterable(self._iterate_parts())
-
-    def _iterate_parts(self) -> Iterator[Iterator[Any]]:
-        for start in range(0, len(self._items), TURNS_PER_CHECK):
-            self._run.check()
-            self._run.check_steps(start)
-            part = self._items[start : start + TURNS_PER_CHECK]
-            self._begun, self._part = start + len(part), iter(part)
-            yield self._part
-
-    def __length_hint__(self) -> int:
-        return len(self._items) - self._begun + length_hint(self._part)
 
 
 # --- what the loops of generated code walk: helpers that it calls

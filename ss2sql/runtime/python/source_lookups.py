@@ -26,7 +26,7 @@ from ss2sql.language.plan_traversal import MIRRORED
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis
 from ss2sql.runtime.python.located_code import AstBuilder
 from ss2sql.runtime.run.key_order import MIN_LENGTH, KeyOrder, RowOrder, order_numbers
-from ss2sql.runtime.run.run_state import Run, pause_collector
+from ss2sql.runtime.run.run_state import pause_collector
 from ss2sql.vtables.contract import Where
 
 if TYPE_CHECKING:
@@ -220,20 +220,6 @@ class RangeIndex:
 def index_column(rows: list[Any], value: int, position: int) -> RowIndex:
     """The values of a column by those of another, where nothing else is wanted of the rows that are found."""
     return RowIndex(rows).add_items(map(itemgetter(position), rows), map(itemgetter(value), rows))
-
-
-def index_table_column(run: Run, table: plan.TableSource, value: int, position: int) -> dict[Hashable, list[Any]]:
-    """The same of a table whose two columns hold whole numbers."""
-    found = run.host.read_integer_columns(table, table.columns[position][0], table.columns[value][0])
-    if found is None:
-        return index_column(run.host.read_table_rows(table, run), value, position)
-    import numpy as np
-
-    order = np.argsort(found[0], kind="stable")  # so that the items of a key keep their order
-    keys, items = found[0][order], found[1][order].tolist()
-    starts = np.flatnonzero(np.append(True, keys[1:] != keys[:-1]))
-    bounds = [*starts.tolist(), len(items)]
-    return {key: items[start:end] for key, start, end in zip(keys[starts].tolist(), bounds, bounds[1:], strict=False)}
 
 
 # --- tables of worlds

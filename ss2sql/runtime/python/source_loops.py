@@ -40,7 +40,6 @@ from ss2sql.runtime.python.source_lookups import (
     index_column,
     index_rows,
     index_rows_by_members,
-    index_table_column,
 )
 from ss2sql.runtime.run.key_order import RowOrder
 from ss2sql.vtables.frames import list_elements_or_none, list_source_elements
@@ -502,11 +501,7 @@ class SourceLoops:
         """The index of a source of which one column is wanted; without its rows, which nobody needs."""
         codegen, (known,), wanted = self.builder.codegen, self.lookups[source.id], self.wanted[source.id]
         assert isinstance(known.key, plan.Column)
-        columns, kinds = codegen.tuples[source.id], dict(source.columns or ())
-        places = [build.constant(columns.index(name)) for name in (wanted, known.key.name)]
-        if isinstance(source, plan.TableSource) and all(kinds[o].is_only(Kind.INT) for o in (wanted, known.key.name)):
-            table = build.name(codegen.embed(source, "table"))
-            return build.call(codegen.use(index_table_column), build.name("run"), table, *places)
+        places = [build.constant(codegen.tuples[source.id].index(name)) for name in (wanted, known.key.name)]
         return build.call(codegen.use(index_column), items, *places)
 
     def _read_once(self, source: plan.Source, body: PythonScope, items: ast.expr) -> ast.expr:

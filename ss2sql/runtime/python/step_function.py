@@ -4,17 +4,18 @@ Of the 8-puzzle (`SELECT slide(this, board) ... UNIQUE`) it looks like this, but
 
     def expand(state, closed):
         nonlocal generated, expanded, pruned, due
-        made = 0
+        made = drawn = 0
         board_frozen, = state
         plain = type(board_frozen) is tuple
         slide = slide_remembered if board_frozen == start else slide_once
         expanded += 1
         if generated >= due: due = meter(generated, expanded, pruned)
         block = slides
-        generated += len(block)
-        turns = iter(block) if len(block) <= 64 else Parts(block, run)
+        turns = iter(block) if len(block) <= 64 else iterate_with_checks(run, block)
         try:
             for this in turns:
+                drawn += 1
+                generated += 1
                 made += 1
                 value = slide(this, list(board_frozen) if plain else fresh(thaw(board_frozen)))
                 if type(value) is list and not value and not goal_of_script == value: continue     # STOP WITH
@@ -28,9 +29,8 @@ Of the 8-puzzle (`SELECT slide(this, board) ... UNIQUE`) it looks like this, but
                     continue
                 yield row, frozen, goal, True, (frozen,), None, None, None
         finally:
-            generated -= turns.__length_hint__()
             count(made)
-        return len(block)
+        return drawn
 """
 
 from __future__ import annotations
@@ -50,11 +50,7 @@ from ss2sql.runtime.python.codegen_context import COUNTERS, PythonScope
 from ss2sql.runtime.python.flat_query import place_conditions
 from ss2sql.runtime.python.located_code import generate_template, list_names_code_reads
 from ss2sql.runtime.python.python_expressions import generate_expression
-from ss2sql.runtime.python.query_execution import (
-    TURNS_PER_CHECK,
-    Parts,
-    make_count_report,
-)
+from ss2sql.runtime.python.query_execution import TURNS_PER_CHECK, iterate_with_checks, make_count_report
 from ss2sql.runtime.python.source_lookups import Lookup, find_index_lookups
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
 from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
@@ -82,48 +78,26 @@ HELPERS: tuple[Callable[..., Any], ...] = (
 )  # of the loops
 MAX_NESTED_LOOPS = 8  # loops over sources inside of the loop of the search; Python nests twenty blocks
 
-# The clock is looked at now and then. The counters are those of all searches, or inlined those of one.
+# What stands before the loop over the elements, and in each turn of it. The counters are those of all searches, or
+# inlined those of one. The clock is looked at now and then: for the elements of one list together, unless many.
+BEFORE = """
+expanded += TIMES
+turns = iter(ITEMS)
+"""
+BEFORE_LIST = f"""
+expanded += TIMES
+LOOK
+block = ITEMS
+turns = iter(block) if len(block) <= {TURNS_PER_CHECK} else iterate_with_checks(run, block)
+"""
+COUNT = """
+generated += TIMES
+"""
 LOOK = """
 if generated >= due:
     counts = generated, expanded, pruned
     generated = expanded = pruned = 0
     due = meter(*counts)
-"""
-
-# What stands around the loop over the elements. Those of one list are counted together: a tenth of the time of a grid.
-TOGETHER = f"""
-expanded += 1
-LOOK
-block = ITEMS
-generated += len(block)
-turns = iter(block) if len(block) <= {TURNS_PER_CHECK} else Parts(block, run)
-try:
-    LOOP
-finally:
-    generated -= turns.__length_hint__()
-    END
-return len(block)
-"""
-# The same with notes, which may be taken several times.
-NOTED = (
-    TOGETHER.replace("expanded += 1", "expanded += choose.counted")
-    .replace("generated += len", "generated += choose.counted * len")
-    .replace("generated -= turns", "generated -= choose.counted * turns")
-)
-ONE_BY_ONE = """
-expanded += 1
-drawn = 0
-turns = iter(ITEMS)
-try:
-    LOOP
-finally:
-    END
-return drawn
-"""
-COUNT = """
-drawn += 1
-generated += 1
-LOOK
 """
 
 
@@ -183,11 +157,14 @@ class StepFunction(StepClauses):
         for name in COUNTERS:
             self.codegen.name_counter(name, self.body)
         due = self.build.name(self.codegen.name_counter("due_step", self.body))
-        code = self._write_body({"due": due}, self.has_list_elements)
-        begin = [] if self.single is None else self.single.begin
+        self.inner.emit(self.build.add_to("drawn"))
+        *before, loop = self._write_body({"due": due})
         names = list(self.frozen_states.values()) + ["_"] * (self.search.first is not None)
-        states = self.build.unpack(names, self.build.name("state"))
-        self.body.blocks[0][:] = [*begin, states, *code]
+        begin = [self.build.assign("drawn", self.build.constant(0)), self.build.unpack(names, self.build.name("state"))]
+        if self.single is not None and self.single.end:
+            begin += self.single.begin
+            loop = ast.Try([loop], [], [], self.single.end, **self.build.at)
+        self.body.blocks[0][:] = [*begin, *before, loop, self.build.return_(self.build.name("drawn"))]
         self.body.define_function()
         return self.body.name
 
@@ -198,7 +175,7 @@ class StepFunction(StepClauses):
             return None
         build, codegen, run = self.build, self.codegen, self.build.name("run")
         hand_on = codegen.bind("hand_on of steps", "hand_on", build.call(codegen.use(make_count_report), run), build)
-        self.body.blocks[0][:] = self._write_body({}, self.has_list_elements and not self.resumed)
+        self.body.blocks[0][:] = self._write_body({})
         function = self.body.build_function(build)
         assert isinstance(function, ast.FunctionDef)
         known = {
@@ -213,10 +190,10 @@ class StepFunction(StepClauses):
             "outdated": None,
         }
         expanded = 0 if self.edges else -1  # a search is no step, so its start does not count
-        begin = generate_template(f"generated = pruned = due = 0\nexpanded = {expanded}\nturns = iter(())", build, {})
-        begin += [] if self.single is None else self.single.begin
-        counted = map(build.name, COUNTERS)
-        end = build.run(build.call(hand_on, *counted))
+        begin = generate_template(f"generated = pruned = due = 0\nexpanded = {expanded}", build, {})
+        end = [build.run(build.call(hand_on, *map(build.name, COUNTERS)))]
+        if self.single is not None:
+            begin, end = [*begin, *self.single.begin], [*self.single.end, *end]
         name = codegen.new_name("search")
         self.owner.emit(
             inline_step_function(loop, function, list(self.frozen_states.values()), known, name, begin, end, build)
@@ -226,26 +203,22 @@ class StepFunction(StepClauses):
         codegen.namespace |= {"START": START, "TAKEN": TAKEN}
         return name
 
-    def _write_body(self, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
-        """The code of the function after the parameters, with what is computed once for a state.
-
-        `together`: the elements of a state are counted together when it is expanded.
-        """
+    def _write_body(self, words: dict[str, ast.expr]) -> list[ast.stmt]:
+        """The code of the function after the parameters, with what is computed once for a state; the loop is last."""
         build, codegen, body = self.build, self.codegen, self.body
-        words["meter"] = codegen.read_step_meter()
-        watch = generate_template(LOOK, build, words)
-        if not together:
-            self.inner.emit(*generate_template(COUNT, build, {"LOOK": watch}))
+        times = build.part(build.name("choose"), "counted") if self.form.noted else build.constant(1)
+        words |= {"meter": codegen.read_step_meter(), "TIMES": times}
+        look, text = generate_template(LOOK, build, words), BEFORE_LIST if self.has_list_elements else BEFORE
+        self.inner.emit(*generate_template(COUNT, build, words), *([] if self.has_list_elements else look))
         self.write_clauses()
         *before, loop = body.blocks[0]
         assert loop is self.loop
         items = self._write_element_tuples()
         self.loop.iter = build.name("turns")
-        if together and (self.edges or self.form.noted):
+        if self.has_list_elements and (self.edges or self.form.noted):
             items = self._choose_elements(items)
         if self.takes_arrays:
             items = build.call("list", items)
-        codegen.use(Parts)
         single = self.single
         for_state = [] if single is None else single.state_statements
         for_state += [] if self.source_call is None else self.source_call.state_statements
@@ -256,16 +229,9 @@ class StepFunction(StepClauses):
             if shape != "scalar" and value in used:
                 made = build.call(codegen.use(THAWERS[shape]), build.name(self.frozen_states[name]))
                 thawed.append(build.assign(value, made))
-        end: list[ast.stmt] = [ast.Pass(**build.at)] if single is None else single.end
-        around: dict[str, ast.expr | list[ast.stmt]] = {
-            "ITEMS": items,
-            "LOOP": [self.loop],
-            "END": end,
-            "LOOK": watch,
-            **words,
-        }
-        text = NOTED if self.form.noted else TOGETHER if together else ONE_BY_ONE
-        return [*thawed, *before, *for_state, *generate_template(text, build, around)]
+        codegen.use(iterate_with_checks)
+        begin = generate_template(text, build, {"ITEMS": items, "LOOK": look, **words})
+        return [*thawed, *before, *for_state, *begin, self.loop]
 
     # --- elements --------------------------------------------------------------------------------------
 

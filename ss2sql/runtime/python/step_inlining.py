@@ -39,7 +39,7 @@ def inline_step_function(
     known: Mapping[str, Any],
     name: str,
     begin: Sequence[ast.stmt],
-    end: ast.stmt,
+    end: list[ast.stmt],
     build: AstBuilder,
 ) -> ast.FunctionDef:
     """The function `name`, which takes what the loop takes, with `expand` put in.
@@ -51,13 +51,10 @@ def inline_step_function(
     facts: dict[str, ast.expr] = {f"problem.{word}": ast.Constant(value) for word, value in known.items()}
     splice = _StepInliner(expand, states)
     code = splice.transform_block(_ConstantFolder(facts, Counter(list_names_code_sets(code))).transform_block(code))
-    whole: list[ast.stmt] = [*begin, ast.Try(code, [], [], [*splice.end_of_turn, end])]
+    whole: list[ast.stmt] = [*begin, ast.Try(code, [], [], end)]
     outer = [word for line in expand.body if isinstance(line, ast.Nonlocal) for word in line.names]
     if outer:
         whole.insert(0, ast.Nonlocal(outer))
-    for unread in ("row", "drawn"):
-        if unread not in list_names_code_reads(whole):
-            _remove_unread_code_names(whole, unread)
     parameters = [ast.arg(word, None) for word in inspect.signature(loop).parameters]
     function = ast.FunctionDef(name, ast.arguments([], parameters, None, [], [], None, []), whole, [], None)
     set_code_positions(function, build.at)
@@ -78,22 +75,6 @@ def _get_loop_body(loop: Callable[..., Any]) -> list[ast.stmt]:
     (function,) = ast.parse(inspect.getsource(loop)).body
     assert isinstance(function, ast.FunctionDef)
     return strip_positions(function.body[1:])  # after its docstring
-
-
-def _remove_unread_code_names(code: list[ast.stmt], name: str) -> None:
-    """Leaves out what is assigned to a name that nobody reads."""
-    for node in [node for part in code for node in ast.walk(part)]:
-        for part in ("body", "orelse", "finalbody"):
-            lines = getattr(node, part, None)
-            if isinstance(lines, list) and any(_is_code_assignment_to(line, name) for line in lines):
-                lines[:] = [line for line in lines if not _is_code_assignment_to(line, name)] or [ast.Pass()]
-
-
-def _is_code_assignment_to(line: ast.stmt, name: str) -> bool:
-    match line:
-        case ast.Assign([ast.Name(id=target)]) | ast.AugAssign(ast.Name(id=target)):
-            return target == name
-    return False
 
 
 class _Transformer(ast.NodeTransformer):
@@ -174,12 +155,10 @@ class _StepInliner(_Transformer):
     def __init__(self, expand: ast.FunctionDef, states: list[str]) -> None:
         self.states = states
         self.parameters = [argument.arg for argument in expand.args.args]
-        self.code = [line for line in expand.body if not isinstance(line, (ast.Nonlocal, ast.Return))]
-        self.end_of_turn: list[ast.stmt] = []  # of the whole search
-        at = next(number for number, line in enumerate(self.code) if isinstance(line, ast.Try))
-        read = list_names_code_reads(self.code[at:])
-        own = {"turns", "block", "drawn", "generated", "expanded", "pruned", "due", "counts", *states}
-        self.state_code = [n for n in dict.fromkeys(list_names_code_sets(self.code[:at])) if n in read and n not in own]
+        self.code = [line for line in expand.body if not isinstance(line, ast.Nonlocal)]
+        *before, loop = self.code
+        read, own = list_names_code_reads([loop]), {"turns", "block", "expanded", *states}
+        self.state_code = [n for n in dict.fromkeys(list_names_code_sets(before)) if n in read and n not in own]
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST:
         match node:
@@ -222,12 +201,10 @@ class _StepInliner(_Transformer):
         """The code of the function for the loop over its steps."""
         assert isinstance(node.target, ast.Tuple)
         names = [target.id if isinstance(target, ast.Name) else "_" for target in node.target.elts]
-        *before, attempt = (
+        *before, turns = (
             _ConstantFolder(words, Counter()).transform_block(copy_tree(self.code)) if words else copy_tree(self.code)
         )
-        assert isinstance(attempt, ast.Try)
-        self.end_of_turn = attempt.finalbody
-        steps = self._replace_yields(attempt.body, names, node.body)
+        steps = self._replace_yields([turns], names, node.body)
         if node.orelse:
             loop = steps[-1]
             assert isinstance(loop, ast.For)

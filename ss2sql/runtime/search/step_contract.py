@@ -50,9 +50,8 @@ WITH where COST cannot fail, and before HEURISTIC and CONNECT BY.
 **Errors** pass through as they are; `finally` has put the counters right. Places are those of the script's positions in
 the code. A function's result is made a value before any clause sees it, or refused by the function's name.
 
-**Counting.** It counts `generated` (elements drawn; those of one list together, the rest is given back in `finally`),
-`pruned`, `expanded` (calls, less the start) and the calls of functions. It looks at the clock and at `max_steps` before
-the first element of a state, every 64 of a long list or of nested sources, and before each call of the user's where
+**Counting.** It counts `generated` (elements drawn), `pruned`, `expanded` (calls, less the start) and the calls of
+functions. It looks at the clock and at `max_steps` every so many elements, and before each call of the user's where
 there is a deadline. It returns the number of elements (`StopIteration.value`). Who draws none for long calls `check`.
 
 **The text of a loop** is put around the code of the function where that pays (runtime/python/step_inlining.py). So it
