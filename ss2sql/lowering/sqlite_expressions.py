@@ -137,7 +137,12 @@ class SqlScope:
 
 
 class ExpressionLowering:
-    """Lowers the expressions of one statement; `needs` collects what they require."""
+    """Lowers the expressions of one statement; `needs` collects what they require.
+
+    What is written in another way in databases with typed columns, portable/portable_expressions.py replaces.
+    """
+
+    _lowered: dict[tuple[int, int], tuple[plan.Expr, SqlScope, Node]] | None = None
 
     def __init__(
         self,
@@ -148,7 +153,6 @@ class ExpressionLowering:
         self.needs = needs
         self.subquery = subquery
         self.rows = rows
-        self._lowered: dict[tuple[int, int], tuple[plan.Expr, SqlScope, Node]] | None = None
 
     def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The expression as a value."""
@@ -204,12 +208,12 @@ class ExpressionLowering:
         match expr:
             case plan.Constant():
                 return self.lower_constant(expr)
-            case plan.Variable(name=name, type=kind):
-                return self.needs.bind_value(expr, name, is_flag(kind))
+            case plan.Variable():
+                return self.lower_variable(expr)
             case plan.Element(source=source) | plan.Column(source=source):
                 return scope.sources[source](expr)
             case plan.State(query=query, name=name):
-                return scope.states[(query, name)]
+                return scope.states[(query, name)].copy()
             case plan.Call():
                 return self.lower_call(expr, scope)
             case plan.And(parts=parts):
@@ -219,23 +223,25 @@ class ExpressionLowering:
             case plan.Xor(left=left, right=right):
                 one, other = self.lower_condition(left, scope), self.lower_condition(right, scope)
                 return sql_builder.binary(exp.NEQ, one, other)
-            case plan.Not(operand=plan.And(parts=parts)) if is_in_order(parts):
-                return self.lower_and(parts, scope, denied=True)
             case plan.Not(operand=operand):
-                return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
+                return self.lower_not(operand, scope)
             case plan.If():
                 return self.lower_if(expr, scope)
-            case plan.MakeList() if can_be_parameter(expr):
-                return self.needs.bind_value(expr)
-            case plan.MakeList(items=items):
-                return sql_builder.call("list", *(self.lower_value(item, scope) for item in items))
+            case plan.MakeList():
+                return self.lower_list(expr, scope)
             case plan.GroupKey(query=query, index=index):
-                return scope.groups[(query, index)]
-            case plan.Aggregate():
-                return self.lower_aggregate(expr, scope)
+                return scope.groups[(query, index)].copy()
+            case plan.Aggregate(argument=argument):
+                if argument is None:
+                    return exp.Count(this=exp.Star())
+                return self.write_aggregate(expr, self.lower_value(argument, scope))
             case _:
-                assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
-                return self.unbox_value(self._lower_query(self.subquery, expr, scope), expr.type)
+                return self.lower_query(expr, scope)
+
+    def lower_query(self, expr: plan.Expr, scope: SqlScope) -> Node:
+        """A query in an expression."""
+        assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
+        return self.unbox_value(self._lower_query(self.subquery, expr, scope), expr.type)
 
     def lower_exists(self, expr: plan.Subquery, scope: SqlScope) -> Node:
         """Whether a query has a row, as a flag."""
@@ -267,6 +273,14 @@ class ExpressionLowering:
                 return sql_builder.string(value)
             case _:
                 return self.needs.bind_value(expr)
+
+    def lower_variable(self, expr: plan.Variable) -> Node:
+        return self.needs.bind_value(expr, expr.name, is_flag(expr.type))
+
+    def lower_list(self, expr: plan.MakeList, scope: SqlScope) -> Node:
+        if can_be_parameter(expr):
+            return self.needs.bind_value(expr)
+        return sql_builder.call("list", *(self.lower_value(item, scope) for item in expr.items))
 
     def lower_call(self, expr: plan.Call, scope: SqlScope) -> Node:
         function = expr.function
@@ -313,6 +327,11 @@ class ExpressionLowering:
             return sql_builder.join_by_and([sql_builder.keep_condition(condition) for condition in conditions])
         return sql_builder.case_in_order(conditions, denied)
 
+    def lower_not(self, operand: plan.Expr, scope: SqlScope) -> Node:
+        if isinstance(operand, plan.And) and is_in_order(operand.parts):
+            return self.lower_and(operand.parts, scope, denied=True)
+        return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
+
     def lower_or(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
         return sql_builder.disjunction(
             [sql_builder.keep_condition(self.lower_condition(part, scope)) for part in parts]
@@ -322,11 +341,6 @@ class ExpressionLowering:
         lower = self.lower_expr if is_flag(expr.type) else self.lower_value
         then, otherwise = (lower(branch[-1], scope) for branch in (expr.then, expr.otherwise))
         return sql_builder.case([(self.lower_condition(expr.condition, scope), then)], otherwise)
-
-    def lower_aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
-        if expr.argument is None:
-            return exp.Count(this=exp.Star())
-        return self.write_aggregate(expr, self.lower_value(expr.argument, scope))
 
     def write_aggregate(self, expr: plan.Aggregate, argument: Node) -> Node:
         """The aggregate of an argument that is lowered."""

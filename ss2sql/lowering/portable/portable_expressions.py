@@ -21,7 +21,7 @@ from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.plan_traversal import list_plan_choices
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.guards import is_free, is_free_by_itself
-from ss2sql.lowering.sqlite_expressions import SqlScope
+from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
 from ss2sql.lowering.sqlite_forms import fill_operands
 
 SCALARS = {Kind.INT: "BIGINT", Kind.FLOAT: "DOUBLE", Kind.STR: "VARCHAR", Kind.BOOL: "BOOLEAN"}
@@ -79,7 +79,7 @@ def _are_comparable(left: Type, right: Type) -> bool:
 
 def _write_equality(of: PortableExpressions, call: plan.Call, scope: SqlScope) -> Node | None:
     equal = call.function.name == "eq"
-    nodes = [of.lower_value(argument, scope) for argument in call.arguments]
+    nodes = [of.lower_expr(argument, scope) for argument in call.arguments]
     for known, other in (nodes, reversed(nodes)):
         if isinstance(known, exp.Null):
             test: Node = exp.Is(this=sql_builder.wrap_operand(other), expression=exp.Null())
@@ -96,7 +96,7 @@ def _write_membership(of: PortableExpressions, call: plan.Call, scope: SqlScope)
     item, container = call.arguments
     test: Node
     if item.type.kinds == Kind.STR == container.type.kinds:
-        text, part = of.lower_value(container, scope), of.lower_value(item, scope)
+        text, part = of.lower_expr(container, scope), of.lower_expr(item, scope)
         test = exp.Contains(this=text, expression=part)
     else:
         inner = container.type.element or NOTHING
@@ -108,11 +108,11 @@ def _write_membership(of: PortableExpressions, call: plan.Call, scope: SqlScope)
             if is_nullable(inner):
                 return None
             rows = exp.Subquery(this=of.write_rows(container.query))
-            test = exp.In(this=sql_builder.wrap_operand(of.lower_value(item, scope)), query=rows)
-        elif isinstance(values := of.lower_value(container, scope), exp.Array):
-            test = exp.In(this=sql_builder.wrap_operand(of.lower_value(item, scope)), expressions=values.expressions)
+            test = exp.In(this=sql_builder.wrap_operand(of.lower_expr(item, scope)), query=rows)
+        elif isinstance(values := of.lower_expr(container, scope), exp.Array):
+            test = exp.In(this=sql_builder.wrap_operand(of.lower_expr(item, scope)), expressions=values.expressions)
         else:
-            test = exp.ArrayContains(this=values, expression=of.lower_value(item, scope))
+            test = exp.ArrayContains(this=values, expression=of.lower_expr(item, scope))
     return test if call.function.name == "in" else exp.Not(this=sql_builder.wrap_operand(test))
 
 
@@ -121,7 +121,7 @@ def _write_like(of: PortableExpressions, call: plan.Call, scope: SqlScope) -> No
     pattern = call.arguments[1]
     if not isinstance(pattern, plan.Constant) or "\\" in pattern.value:
         return None
-    text, known = (of.lower_value(argument, scope) for argument in call.arguments)
+    text, known = (of.lower_expr(argument, scope) for argument in call.arguments)
     test = exp.Like(this=sql_builder.wrap_operand(text), expression=known)
     return test if call.function.name == "like" else exp.Not(this=sql_builder.wrap_operand(test))
 
@@ -142,8 +142,8 @@ assert SPECIAL_OPERATIONS.keys() == {name for name, row in OPERATIONS.items() if
 Node: TypeAlias = exp.Expr
 
 
-class PortableExpressions:
-    """Writes the expressions of one query.
+class PortableExpressions(ExpressionLowering):
+    """Writes the expressions of one query with the types that their values have; no value is a flag or a handle.
 
     `variable` gives the values of script variables where they are known, and raises KeyError where they are not.
     Without it they are parameters, which `parameters` names with their variables.
@@ -153,52 +153,40 @@ class PortableExpressions:
         self.variable = variable
         self.parameters: dict[str, str] = {}
 
-    def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
+    def lower_expr(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The expression. Raises UnsupportedError where it could mean something else."""
-        if isinstance(expr, plan.Aggregate):
-            return self._lower_aggregate(expr, scope)
         if isinstance(expr, plan.Call) and not expr.function.builtin:
             raise build_refusal(f"{expr.function.name} is a Python function", expr.span)
-        if get_sql_column_type(expr.type) is None and expr.type.kinds != Kind.NONE:
+        typed = get_sql_column_type(expr.type) is not None or expr.type.kinds == Kind.NONE
+        if not typed and not isinstance(expr, plan.Aggregate):
             raise build_refusal(
                 "the kind of this value is not known, or other databases have no type for it", expr.span
             )
-        match expr:
-            case plan.Constant():
-                return lower_constant(expr.value, expr.type, expr)
-            case plan.Variable(name=name) if self.variable is not None:
-                return lower_constant(self.get_constant(name, expr.span), expr.type, expr)
-            case plan.Variable():
-                return self._make_parameter(expr)
-            case plan.Element(source=source) | plan.Column(source=source) if source in scope.sources:
-                return scope.sources[source](expr)
-            case plan.State(query=query, name=name) if (query, name) in scope.states:
-                return scope.states[(query, name)].copy()
-            case plan.GroupKey(query=query, index=index) if (query, index) in scope.groups:
-                return scope.groups[(query, index)].copy()
-            case plan.And(parts=parts):
-                return sql_builder.join_by_and([self.lower_condition(part, scope) for part in parts])
-            case plan.Or(parts=parts):
-                return sql_builder.disjunction([self.lower_condition(part, scope) for part in parts])
-            case plan.Xor(left=left, right=right):
-                return sql_builder.binary(
-                    exp.NEQ, self.lower_condition(left, scope), self.lower_condition(right, scope)
-                )
-            case plan.Not(operand=operand):
-                return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
-            case plan.If():
-                return self._write_conditional(expr, scope)
-            case plan.MakeList(items=items):
-                return exp.Array(expressions=[self.lower_value(item, scope) for item in items])
-            case plan.Call():
-                return self.lower_call(expr, scope)
-            case _:
-                raise build_refusal("this is not SQL that every database has", expr.span)
+        return super().lower_expr(expr, scope)
 
-    def _lower_aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
-        if expr.argument is None:
-            return exp.Count(this=exp.Star())
-        argument = self.lower_value(expr.argument, scope)
+    def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
+        return self.lower_expr(expr, scope)
+
+    def lower_constant(self, expr: plan.Constant) -> Node:
+        return lower_constant(expr.value, expr.type, expr)
+
+    def lower_variable(self, expr: plan.Variable) -> Node:
+        if self.variable is None:
+            return self._make_parameter(expr)
+        return lower_constant(self.get_constant(expr.name, expr.span), expr.type, expr)
+
+    def lower_list(self, expr: plan.MakeList, scope: SqlScope) -> Node:
+        return exp.Array(expressions=[self.lower_expr(item, scope) for item in expr.items])
+
+    def lower_query(self, expr: plan.Expr, scope: SqlScope) -> Node:
+        raise build_refusal("this is not SQL that every database has", expr.span)
+
+    def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope, denied: bool = False) -> Node:
+        test = sql_builder.join_by_and([self.lower_condition(part, scope) for part in parts])
+        return exp.Not(this=sql_builder.wrap_operand(test)) if denied else test
+
+    def write_aggregate(self, expr: plan.Aggregate, argument: Node) -> Node:
+        assert expr.argument is not None
         for form in GROUPS[expr.function].portable:
             if form.when([expr.argument.type]):
                 return fill_operands(str(form.text), [argument], dialect="duckdb")
@@ -209,7 +197,7 @@ class PortableExpressions:
         written = SPECIAL_OPERATIONS.get(name, _write_form if OPERATIONS[name].portable else None)
         node = None if fails or written is None else written(self, expr, scope)
         if node is None and not fails:
-            node = self.write_python_call(expr, scope)
+            node = self.call_function(expr, scope)
         if node is not None:
             return node
         if written is None:
@@ -218,7 +206,7 @@ class PortableExpressions:
             raise build_refusal("this may fail, which is not the same everywhere", expr.place)
         raise build_refusal(f"{name} of such values is not the same everywhere", expr.place)
 
-    def write_python_call(self, expr: plan.Call, scope: SqlScope) -> Node | None:
+    def call_function(self, expr: plan.Call, scope: SqlScope) -> Node | None:
         """The call of a built-in function that has no form, where the database can call Python."""
         return None
 
@@ -250,7 +238,7 @@ class PortableExpressions:
 
     def lower_condition(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The truth of an expression; never NULL."""
-        node, kind = self.lower_value(expr, scope), expr.type
+        node, kind = self.lower_expr(expr, scope), expr.type
         if kind.kinds == Kind.BOOL:
             return node
         plain = kind.kinds & ~Kind.NONE
@@ -267,12 +255,10 @@ class PortableExpressions:
         test = sql_builder.binary(exp.NEQ, node, empty)
         return exp.Coalesce(this=test, expressions=[exp.false()]) if is_nullable(kind) else test
 
-    def _write_conditional(self, expr: plan.If, scope: SqlScope) -> Node:
-        branches = expr.then[-1], expr.otherwise[-1]
+    def lower_if(self, expr: plan.If, scope: SqlScope) -> Node:
         if not is_free(*expr.then[:-1], *expr.otherwise[:-1]):
             raise build_refusal("what stands before the last value of a branch may fail", expr.span)
-        values = [self.lower_value(branch, scope) for branch in branches]
-        return sql_builder.case([(self.lower_condition(expr.condition, scope), values[0])], values[1])
+        return super().lower_if(expr, scope)
 
 
 def lower_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
@@ -302,7 +288,7 @@ def _write_form(of: PortableExpressions, call: plan.Call, scope: SqlScope) -> No
         inputs = list_plan_choices(call) if form.spread else call.arguments
         if not inputs or form.only is not None or not form.when([one.type for one in inputs]):
             continue
-        operands = [of.lower_value(one, scope) for one in inputs]
+        operands = [of.lower_expr(one, scope) for one in inputs]
         if call.type.kinds == Kind.INT and not any(one.find(exp.Column) for one in operands[1:]):
             # literals alone would have the smallest type
             operands[0] = cast_literal(operands[0], get_sql_column_type(inputs[0].type))

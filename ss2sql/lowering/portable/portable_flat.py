@@ -195,7 +195,7 @@ def write_flat(query: plan.Query, variable: Callable[[str], Any] | None = None) 
         variable: gives the values of script variables; without it a query that reads one is refused.
     """
     portable = PortableExpressions(variable)
-    limit = None if query.limit is None else portable.lower_value(query.limit, SqlScope())
+    limit = None if query.limit is None else portable.lower_expr(query.limit, SqlScope())
     return FlatWriter(query, portable, PortableSources(query, portable).open_source).write_select(limit)
 
 
@@ -269,13 +269,13 @@ class FlatWriter:
     def _write_output(self, output: plan.Output, scope: SqlScope) -> Node:
         if output.star or output.label is not None:
             raise build_refusal("the names of these columns are not known", output.expr.span)
-        return self._write_alias(self.portable.lower_value(output.expr, scope), output.name)
+        return self._write_alias(self.portable.lower_expr(output.expr, scope), output.name)
 
     def _write_alias(self, node: Node, name: str) -> Node:
         return sql_builder.alias(node, name)
 
     def _write_order(self, scope: SqlScope) -> list[tuple[Node, bool]]:
-        return [(self.portable.lower_value(key.expr, scope), key.descending) for key in self.query.order]
+        return [(self.portable.lower_expr(key.expr, scope), key.descending) for key in self.query.order]
 
     # --- GROUP BY ----------------------------------------------------------------------------------------
 
@@ -293,7 +293,7 @@ class FlatWriter:
         if query.having is not None:
             if query.having.type.kinds != Kind.BOOL:
                 raise build_refusal("the truth of such a value is not the same everywhere", query.having.span)
-            select.set("having", exp.Having(this=self.portable.lower_value(query.having, scope)))
+            select.set("having", exp.Having(this=self.portable.lower_expr(query.having, scope)))
         return select
 
     def _write_group_order(self) -> list[Node]:
@@ -309,7 +309,7 @@ class FlatWriter:
 
     def _find_group_key(self, expr: plan.Expr) -> Node:
         """What is grouped by; a number alone would be the position of a column."""
-        node, kind = self.portable.lower_value(expr, self.name_scope), get_sql_column_type(expr.type)
+        node, kind = self.portable.lower_expr(expr, self.name_scope), get_sql_column_type(expr.type)
         return node if node.find(exp.Column) or kind is None else write_cast(node, kind)
 
 

@@ -211,10 +211,10 @@ class _ExactSqlExpressions(PortableExpressions):
     def name_parameter(self, name: str) -> str:
         return self.names.claim(name, "value")
 
-    def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
+    def lower_query(self, expr: plan.Expr, scope: SqlScope) -> Node:
         if isinstance(expr, plan.Subquery) and _has_one_row(expr.query):
             return exp.Subquery(this=self.write_rows(expr.query))
-        return super().lower_value(expr, scope)
+        return super().lower_query(expr, scope)
 
     def write_rows(self, query: plan.Query) -> Node:
         if len(query.columns) > 1 or query.search is not None:
@@ -226,7 +226,7 @@ class _ExactSqlExpressions(PortableExpressions):
             select.set("order", None)
         return select
 
-    def write_python_call(self, expr: plan.Call, scope: SqlScope) -> Node | None:
+    def call_function(self, expr: plan.Call, scope: SqlScope) -> Node | None:
         """The call of the function itself, where all its values have types in the database."""
         name = expr.function.name
         row, kinds = OPERATIONS[name], [get_sql_column_type(one.type) for one in expr.arguments]
@@ -237,42 +237,28 @@ class _ExactSqlExpressions(PortableExpressions):
         )
         function = next(known, None) or self.names.claim(f"{FUNCTION_PREFIX}{name}", name)
         self.functions[function] = expr
-        return exp.Anonymous(this=function, expressions=[self.lower_value(one, scope) for one in expr.arguments])
+        return exp.Anonymous(this=function, expressions=[self.lower_expr(one, scope) for one in expr.arguments])
 
-    def _lower_aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
-        argument = expr.argument
-        if argument is None:
-            return super()._lower_aggregate(expr, scope)
-        kind = remove_none_kind(argument.type)
+    def write_aggregate(self, expr: plan.Aggregate, argument: Node) -> Node:
+        assert expr.argument is not None
+        nullable, kind = is_nullable(expr.argument.type), remove_none_kind(expr.argument.type)
         floats = kind.kinds == Kind.FLOAT
         if floats or _gives_float_only(expr, kind):
+            value = argument if floats else write_cast(argument, "DOUBLE")
             if function := SUMMED_AGGREGATES.get(expr.function):
-                return self._call_aggregate(function, self._write_float(argument, scope))
+                return self._call_aggregate(function, value)
             if function := LISTED_AGGREGATES.get(expr.function):
-                return self._call_aggregate(function, self._write_list(argument, scope))
+                return self._call_aggregate(function, _write_list(value, nullable))
         if expr.function in ("min", "max") and floats:
-            return self._write_extreme(expr, argument, scope)
-        return super()._lower_aggregate(expr, scope)
+            return self._write_extreme(expr, argument, kind)
+        return super().write_aggregate(expr, argument)
 
     def _call_aggregate(self, function: str, argument: Node) -> Node:
         self.functions[function] = None
         return exp.Anonymous(this=function, expressions=[argument])
 
-    def _write_float(self, argument: plan.Expr, scope: SqlScope) -> Node:
-        node = self.lower_value(argument, scope)
-        return node if argument.type.may_be(Kind.FLOAT) else write_cast(node, "DOUBLE")
-
-    def _write_list(self, argument: plan.Expr, scope: SqlScope) -> Node:
-        node = self._write_float(argument, scope)
-        values: Node = exp.Anonymous(this="LIST", expressions=[node])
-        if not is_nullable(argument.type):
-            return values
-        present = exp.Not(this=exp.Is(this=sql_builder.wrap_operand(node.copy()), expression=exp.Null()))
-        return exp.Filter(this=values, expression=exp.Where(this=present))
-
-    def _write_extreme(self, expr: plan.Aggregate, argument: plan.Expr, scope: SqlScope) -> Node:
+    def _write_extreme(self, expr: plan.Aggregate, node: Node, kind: Type) -> Node:
         """`min` or `max`."""
-        node, kind = self.lower_value(argument, scope), argument.type
         found = (exp.Min if expr.function == "min" else exp.Max)(this=node)
         if (kind.low is not None and kind.low > 0) or (kind.high is not None and kind.high < 0):
             return found
@@ -285,6 +271,15 @@ class _ExactSqlExpressions(PortableExpressions):
     def take_first(self, node: Node) -> Node:
         """The value in the first row of a group."""
         return exp.ArgMin(this=node, expression=_write_row_order(self.places))
+
+
+def _write_list(node: Node, nullable: bool) -> Node:
+    """The values of a group as a list, without NULL."""
+    values: Node = exp.Anonymous(this="LIST", expressions=[node])
+    if not nullable:
+        return values
+    present = exp.Not(this=exp.Is(this=sql_builder.wrap_operand(node.copy()), expression=exp.Null()))
+    return exp.Filter(this=values, expression=exp.Where(this=present))
 
 
 def _is_same_sql_function(one: plan.Call, other: plan.Call) -> bool:

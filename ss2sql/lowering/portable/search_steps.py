@@ -140,7 +140,7 @@ class _StepWriter:
 
         def read_column(expr: plan.Element | plan.Column) -> Node:
             assert isinstance(expr, plan.Column), "a whole row is a dict, which has no type there"
-            return self.portable.lower_value(columns[expr.name], self.name_scope)
+            return self.portable.lower_expr(columns[expr.name], self.name_scope)
 
         self.name_scope = self.name_scope.with_source(source.id, read_column)
 
@@ -158,7 +158,7 @@ class _StepWriter:
             if known == expr:
                 return sql_builder.column(column.name, "elements")
         kind = get_sql_column_type(expr.type)
-        assert kind is not None, "`PortableExpressions.lower_value` has looked"
+        assert kind is not None, "`PortableExpressions.lower_expr` has looked"
         name = expr.name if isinstance(expr, plan.Column) else source.name
         self.reads.append((expr, TypedColumn(self.element_names.claim(name, "element"), kind)))
         return sql_builder.column(self.reads[-1][1].name, "elements")
@@ -191,7 +191,7 @@ class _StepWriter:
         place: Node = sqlglot.parse_one(f"frontier.step * {MAX_ELEMENTS} + elements.nth", read="duckdb")
         outputs: list[Node] = [sql_builder.alias(place, "place")]
         for output, column in zip(self.query.columns, self.rows, strict=True):
-            outputs.append(self._cast_column(self.portable.lower_value(output.expr, self.name_scope), column))
+            outputs.append(self._cast_column(self.portable.lower_expr(output.expr, self.name_scope), column))
         outputs += [sql_builder.alias(goal, "goal"), sql_builder.alias(goes_on, "goes_on")]
         following = self._write_next_state()
         own = [(name, column) for name, column in self.states if column not in self.rows]
@@ -233,7 +233,7 @@ class _StepWriter:
         """The state after a step; a later assignment sees an earlier one."""
         states = dict(self.name_scope.states)
         for name, expr in self.search.connect:
-            states[self.query.id, name] = self.portable.lower_value(expr, SqlScope(self.name_scope.sources, states))
+            states[self.query.id, name] = self.portable.lower_expr(expr, SqlScope(self.name_scope.sources, states))
         return {name: states[self.query.id, name].copy() for name, _ in self.search.start}
 
     def _cast_column(self, node: Node, column: TypedColumn) -> Node:
