@@ -136,9 +136,6 @@ def _find_key_after_guards(
 
 
 # --- when the parts of a flat query's row are evaluated: as early as their guards allow
-MAX_HOISTED = 24
-
-
 @dataclass(frozen=True, slots=True)
 class Condition:
     """A part of WHERE with its level. A `free` one may be evaluated at any time from then on; one with a `key` is."""
@@ -147,14 +144,6 @@ class Condition:
     level: int
     free: bool
     key: ExpressionKey | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class HoistedValue:
-    """A value that is computed once at its level and read further in."""
-
-    expr: plan.Expr
-    level: int
 
 
 @dataclass(slots=True)
@@ -193,23 +182,25 @@ class EvaluationOrder:
             placed.append(Condition(part, level, free, key))
         return placed
 
-    def find_hoisted_values(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[HoistedValue]:
-        """The values to compute early: those of costly expressions in WHERE, then in `outputs`, innermost first.
+    def find_hoisted_values(
+        self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]
+    ) -> dict[plan.Expr, int]:
+        """The values to compute once at a level, and to read further in: of what is costly in WHERE, then in `outputs`.
 
         None is computed before the conditions that guard it.
         """
+        found: dict[plan.Expr, int] = {}
         if not self.may_hoist or len(self.query.sources) < 2:
-            return []
-        found: dict[plan.Expr, HoistedValue] = {}
+            return found
         guarded = 1
         for condition in conditions:
             self._hoist(condition.expr, condition.level, guarded, found)
             guarded = max(guarded, condition.level)
         for output in outputs:
             self._hoist(output, len(self.query.sources), guarded, found)
-        return list(found.values())[:MAX_HOISTED]
+        return found
 
-    def _hoist(self, expr: plan.Expr, level: int, guarded: int, found: dict[plan.Expr, HoistedValue]) -> None:
+    def _hoist(self, expr: plan.Expr, level: int, guarded: int, found: dict[plan.Expr, int]) -> None:
         """Finds what of an expression that is certainly evaluated at this level can be from an earlier one on."""
         if expr in found or not _is_costly(expr):
             return
@@ -217,7 +208,7 @@ class EvaluationOrder:
         for part in iterate_certain_parts(expr):
             self._hoist(part, own, guarded, found)
         if own < level:
-            found[expr] = HoistedValue(expr, own)
+            found[expr] = own
 
 
 def _is_costly(expr: plan.Expr) -> bool:

@@ -50,7 +50,7 @@ class FlatLowering:
         self.needs = needs
         self.expressions = ExpressionLowering(needs, self.lower_subquery, self.lower_unordered)
         self.tables: dict[str, plan.TableSource] = {}
-        self.copies: MaterializedTables | None = None  # where the statement can have some
+        self.copies = MaterializedTables(needs)
 
     # --- parts -----------------------------------------------------------------------------------------
 
@@ -65,8 +65,8 @@ class FlatLowering:
             query = self._number_rows(query, opened, inner)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         disabled = self.needs.disabled
-        looks_up = self.copies is not None and "lookup" not in disabled
-        levels = EvaluationOrder(query, "early" not in disabled, "hoist" not in disabled and not tables, looks_up)
+        may_hoist, may_look_up = "hoist" not in disabled and not tables, "lookup" not in disabled
+        levels = EvaluationOrder(query, "early" not in disabled, may_hoist, may_look_up)
         return JoinBuilder(self, query, opened, inner, levels)
 
     def _number_rows(self, query: plan.Query, opened: list[FromItem], scope: SqlScope) -> plan.Query:
@@ -95,7 +95,7 @@ class FlatLowering:
 
         Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
         """
-        copies = {*(self.copies.tables if self.copies else ()), *self.needs.list_world_modules}
+        copies = {*self.copies.tables, *self.needs.list_world_modules}
         copies |= {table.alias for table in self.needs.materialized_ctes.values()}
         for joined in flat.items:
             item = joined.this if isinstance(joined, exp.Join) else joined
@@ -140,7 +140,7 @@ class FlatLowering:
         columns = [sql_builder.column(f"argument_{index}", label) for index, _ in enumerate(arguments, 1)]
         keys: list[Node] = [sql_builder.column(f"key_{index}", label) for index, _ in enumerate(query.group, 1)]
         known = [
-            (node, self.expressions.write_aggregate(node, columns[arguments.index(node.argument)].copy()))
+            (node, self.expressions.write_aggregate(node, columns[arguments.index(node.argument)].copy()).copy)
             for node in _find_aggregates(query)
             if node.argument is not None
         ]

@@ -141,7 +141,7 @@ def add_call_columns(
     selects.needs.applied["calls"] = None
     label = item.alias_or_name
     known = [
-        (call, selects.expressions.unbox_value(sql_builder.column(column.name, label), call.type))
+        (call, selects.expressions.unbox_value(sql_builder.column(column.name, label), call.type).copy)
         for call, column in zip(calls, made, strict=True)
     ]
     table = sql_builder.table_function(

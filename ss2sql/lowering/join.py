@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
+from functools import partial
 from typing import TYPE_CHECKING, TypeGuard
 
 from sqlglot import exp
@@ -23,14 +24,13 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import list_parts, list_sources, reads_outside, split_and
+from ss2sql.language.plan_traversal import list_sources, reads_outside, split_and
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import (
     MIN_INDEXED_LENGTH,
     Condition,
     EvaluationOrder,
     ExpressionKey,
-    HoistedValue,
     find_expression_key,
 )
 from ss2sql.lowering.from_clause import FromItem
@@ -128,16 +128,16 @@ class JoinBuilder:
         if hoisted:
             applied["hoist"] = None
         bound = 0
-        for level in sorted({value.level for value in hoisted}):
+        for level in sorted(set(hoisted.values())):
             self._bind_sources(bound, level, conditions)
-            self._close_level(level, conditions, hoisted)
+            self._close_level(level, [expr for expr, own in hoisted.items() if own == level])
             bound = level
         self._bind_sources(bound, len(opened), conditions)
         self.terms = self._write_where()
 
-    def translate_outward(self, node: Node) -> Node:
-        """An expression in terms of the sources as it reads outside of all tables that have been made of them."""
-        for table in self.tables:
+    def translate_outward(self, node: Node, inner: int = 0) -> Node:
+        """An expression as it reads outside of all tables that have been made of the sources, but the first `inner`."""
+        for table in self.tables[inner:]:
             node = table.carry_node(node)
         return node
 
@@ -323,28 +323,17 @@ class JoinBuilder:
             else sql_builder.call("in_turn", self.translate_outward(self.opened[level - 1].witness_column), node)
         )
 
-    def _close_level(self, level: int, conditions: list[Condition], hoisted: list[HoistedValue]) -> None:
+    def _close_level(self, level: int, values: Sequence[plan.Expr]) -> None:
         """Makes a table of what is joined so far, with the values of its level."""
         table = self._enclose_join(f"to_{self.query.sources[level - 1].name}")
-        values = [value.expr for value in hoisted if value.level == level]
         nodes = [self.selects.expressions.lower_expr(expr, self.scope) for expr in values]
         self.tables.append(table)
+        columns = [table.add_column(_choose_column_name(e), n) for e, n in zip(values, nodes, strict=True)]
         here = [
-            (e, sql_builder.column(table.add_column(_choose_column_name(e), n), table.label))
-            for e, n in zip(values, nodes, strict=True)
+            (e, partial(self.translate_outward, sql_builder.column(name, table.label), len(self.tables)))
+            for e, name in zip(values, columns, strict=True)
         ]
-        later = self._find_later_expressions(level, conditions, hoisted)
-        known = [(expr, table.carry_node(n)) for expr, n in self.scope.known if _is_read_later(expr, later, values)]
-        self.scope = replace(self.scope, known=(*here, *known))
-
-    def _find_later_expressions(
-        self, level: int, conditions: list[Condition], hoisted: list[HoistedValue]
-    ) -> list[plan.Expr]:
-        """What is evaluated further in."""
-        later = [condition.expr for condition in conditions if condition.level > level]
-        later += [part for value in hoisted if value.level > level for part in list_parts(value.expr)]
-        later += [output.expr for output in self.query.columns]
-        return [*later, *self.query.group, *(key.expr for key in self.query.order)]
+        self.scope = replace(self.scope, known=(*here, *self.scope.known))
 
     def _write_where(self) -> list[Node]:
         """The terms of WHERE, so written that SQLite keeps the order of rows."""
@@ -363,17 +352,15 @@ class JoinBuilder:
 
     def _materialize_source(self, source: plan.Source, item: Node) -> Node:
         """A source that is walked again and again: a copy of its list, if that stays the same for the statement."""
-        copies = self.selects.copies
-        if copies is None or not isinstance(source, plan.ValueSource) or self.query.order or self.query.group:
+        if not isinstance(source, plan.ValueSource) or self.query.order or self.query.group:
             return item
         value = source.value
         # SQLite may make an index on a copy; with one column it keeps equal elements in their order.
         if not (_walks_same_list(item) and value.type.is_only(Kind.LIST) and source.columns == ()):
             return item
         name = f"{value.name if isinstance(value, plan.Variable) else source.name}_once"
-        return copies.copy_item(
-            exp.Table(this=item.this.copy()), item.alias_or_name, [sql_builder.column("this")], name, self.selects.needs
-        )
+        walked = exp.Table(this=item.this.copy())
+        return self.selects.copies.copy_item(walked, item.alias_or_name, [sql_builder.column("this")], name)
 
     def _look_up_source(
         self, source: plan.Source, item: Node, conditions: list[Node], terms: list[Node]
@@ -383,7 +370,7 @@ class JoinBuilder:
         What keeps its rows in order is added to `terms`.
         """
         copies, needs = self.selects.copies, self.selects.needs
-        if copies is None or "lookup" in needs.disabled or not isinstance(item, exp.Table):
+        if "lookup" in needs.disabled or not isinstance(item, exp.Table):
             return None
         label = item.alias_or_name
         keys = {column for table, column, others in find_equality_columns(conditions) if table == label and others}
@@ -404,7 +391,7 @@ class JoinBuilder:
                 elif require_sql_index_order(item, source, keys):  # beside lists it is walked in its order
                     needs.applied["lookup"] = None
                     return item
-                found = copies.copy_table(item, source, needs, computed)
+                found = copies.copy_table(item, source, computed)
                 position = copies.get_number_column(found.name)
             case plan.ValueSource() | plan.QuerySource() if _walks_same_list(item):
                 size = source.value.type.size if isinstance(source, plan.ValueSource) else None
@@ -414,15 +401,12 @@ class JoinBuilder:
                 walked = item.copy()
                 if not computed:  # which read it by its label
                     walked.set("alias", None)
-                columns = ("this", *choose_sql_names(tuple(name for name, _ in source.columns or ())).values())
-                shown: list[Node] = [
-                    sql_builder.column(column, label if computed else "") for column in ("rowid", *columns)
-                ]
-                found = copies.copy_item(walked, label, [*shown, *computed], f"{label}_once", needs)
+                columns = [name for name, _ in source.columns or ()]
+                found = copies.copy_list(walked, label, columns, position, computed)
             case _:
                 return None
         if asked is not None and several:
-            found = copies.split_rows_by_keys(found, conditions, asked, needs)
+            found = copies.split_rows_by_keys(found, conditions, asked)
         ordered = sort_sql_by_row_number(label, position)
         self.ordering.append(ordered)
         terms.append(ordered)
@@ -468,15 +452,3 @@ def _wrap_disjunction(term: Node) -> Node:
 
 def _choose_column_name(expr: plan.Expr) -> str:
     return expr.function.name if isinstance(expr, plan.Call) else "value"
-
-
-def _is_read_later(expr: plan.Expr, later: list[plan.Expr], made: list[plan.Expr]) -> bool:
-    """Whether a value is read by what comes later, not counting what has become a column itself."""
-    stack: list[object] = list(later)
-    while stack:
-        node = stack.pop()
-        if node == expr:
-            return True
-        if node not in made:
-            stack.extend(list_parts(node))
-    return False

@@ -15,7 +15,7 @@ from ss2sql.lowering.sql_builder import SQLITE
 from ss2sql.lowering.sql_query import Bookkeeping, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
-from ss2sql.lowering.statement_needs import MaterializedTables, StatementNeeds
+from ss2sql.lowering.statement_needs import StatementNeeds
 from ss2sql.lowering.union_branches import replace_elements_by_columns
 from ss2sql.lowering.unsupported import check_supported
 
@@ -44,7 +44,6 @@ def lower(
         if needs.written is not None:
             needs.applied["positions"] = None
     selects = FlatLowering(needs)
-    copies = selects.copies = MaterializedTables()
     is_sorted = is_limited = False
     bookkeeping = Bookkeeping()
     shown_late: dict[plan.Column, sql_builder.Node] = {}
@@ -94,7 +93,7 @@ def lower(
         read_late = plan_late_columns(query, tuple(shown_late))
         needs.applied["late"] = None
     if query.search is None and (
-        tables := [*needs.materialized_ctes.values(), *copies.add_materialized_tables(select)]
+        tables := [*needs.materialized_ctes.values(), *selects.copies.add_materialized_tables(select)]
     ):
         select.set("with_", exp.With(expressions=tables))
     strip_numeric_affinity(select, selects.tables.values())

@@ -15,19 +15,19 @@ depend on its length, and know the rows that were met.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 
 from sqlglot import exp
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import is_flag
-from ss2sql.language.plan_traversal import list_sources, rebuild_node, walk
+from ss2sql.language.plan_traversal import list_sources, rebuild_node
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.from_clause import FromItem, lower_sources
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_query import ROW_NUMBER, choose_free_name, choose_sql_names
+from ss2sql.lowering.sql_query import ROW_NUMBER, choose_free_name
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.statement_needs import (
     find_alternatives,
@@ -45,15 +45,6 @@ SEARCH_TABLE = "search"
 def shorten_sql_column_name(name: str) -> str:
     """The name of a variable as a column; those that the search carries have names such as `prior(id)`."""
     return re.sub(r"\W+", "_", name).strip("_") or "value" if not name.isidentifier() else name
-
-
-def iterate_sql_element_reads(query: plan.Query, places: Iterable[object]) -> Iterator[plan.Element | plan.Column]:
-    """What these parts of a query read of its sources."""
-    own = {source.id for source in query.sources}
-    for place in places:
-        for node in walk(place) if place is not None else ():
-            if isinstance(node, (plan.Element, plan.Column)) and node.source in own:
-                yield _get_carried_read(node)
 
 
 def _get_carried_read(node: plan.Element | plan.Column) -> plan.Element | plan.Column:
@@ -87,7 +78,6 @@ class RecursiveQuery:
         last = {name: number for number, (name, _) in enumerate(search.connect)}
         self.variables = sorted((name for name, _ in search.start), key=lambda name: last.get(name, -1))
         self.assigned = set(last)
-        assert selects.copies is not None
         self.copies = selects.copies  # of what is read once: tables, lists and worlds, and the starts
         self.arms = None if "arms" in selects.needs.disabled else find_union_branches(query)
 
@@ -284,7 +274,7 @@ class RecursiveQuery:
         }
         if require_sql_index_order(item, source, compared):
             return item
-        return self.copies.copy_table(item, source, needs)
+        return self.copies.copy_table(item, source)
 
     def _split_rows_by_keys(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
         """An item of FROM; a copy with a row for each of its keys where a condition asks one of several."""
@@ -297,7 +287,7 @@ class RecursiveQuery:
             return bool(labels) and labels.isdisjoint(unknown)
 
         asked = find_alternatives(conditions, item.alias_or_name, is_known)
-        return item if asked is None else self.copies.split_rows_by_keys(item, conditions, asked, self.selects.needs)
+        return item if asked is None else self.copies.split_rows_by_keys(item, conditions, asked)
 
     def _materialize_item(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
         """A list or a world's table that mentions no column is walked once; `place` numbers its rows.
@@ -307,9 +297,7 @@ class RecursiveQuery:
         """
         if any(True for _ in item.find_all(exp.Column)):
             return item
-        shown = [sql_builder.column(column) for column in (place, "this", *choose_sql_names(tuple(columns)).values())]
-        label = item.alias_or_name
-        return self.copies.copy_item(item, label, shown, f"{label}_once", self.selects.needs)
+        return self.copies.copy_list(item, item.alias_or_name, columns, place)
 
     # --- results ---------------------------------------------------------------------------------------
 

@@ -18,12 +18,12 @@ from sqlglot import exp
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import is_flag
-from ss2sql.language.plan_traversal import find_direct_assignments, has_query, list_parts, list_states, walk
+from ss2sql.language.plan_traversal import find_direct_assignments, has_query, list_states, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering, lower_aggregate_inputs, lower_group_inputs
 from ss2sql.lowering.from_clause import add_call_columns, find_element_calls
 from ss2sql.lowering.guards import is_evaluated_by
-from ss2sql.lowering.recursive_query import RecursiveQuery, iterate_sql_element_reads, shorten_sql_column_name
+from ss2sql.lowering.recursive_query import RecursiveQuery, shorten_sql_column_name
 from ss2sql.lowering.search_step import (
     SearchStep,
     find_step_equalities,
@@ -74,7 +74,7 @@ class EagerSearch(RecursiveQuery):
         self.later = None if search.heuristic is None or self.one_result else self._choose_name("estimate_later")
         self.waits = self._choose_name("waits") if self.ahead else None
         self.rank = self._choose_name("rank") if search.heuristic is not None and self.total is not None else None
-        self.before: dict[str, str] = {}
+        self.before = {name: self._choose_name(f"{short}_before") for name, short in self.states.items()}
         self.siblings = [self._choose_name("sibling") for _ in search.siblings]
 
     def _choose_name(self, name: str) -> str:
@@ -175,38 +175,25 @@ class EagerSearch(RecursiveQuery):
     def now(self) -> SqlScope:
         """Reads the step that was taken: its elements, the state before it, and the calls that became columns."""
         before = {(self.query.id, name): self.column(short) for name, short in self.before.items()}
-        known = tuple((expr, self.column(short)) for expr, short in self.known)
+        known = tuple((expr, self.column(short).copy) for expr, short in self.known)
         return replace(self.make_row_scope().with_states(before), known=known)
-
-    def _carry_columns(self, places: list[object]) -> None:
-        """Makes the recursive table carry what these parts read of the state before the step, and of elements."""
-        left = [place if place is None else _remove_known_parts(place, [e for e, _ in self.known]) for place in places]
-        read = {name for place in left for part in place or () for query, name in list_states(part)
-                if query == self.query.id}  # fmt: skip
-        for name, _ in self.search.start:
-            if name in read and name not in self.before:
-                self.before[name] = self._choose_name(f"{shorten_sql_column_name(name)}_before")
-        for node in iterate_sql_element_reads(self.query, [part for place in left for part in place or ()]):
-            for part in self.list_parts(node) or (node,):
-                self.carry_element(part)
 
     # --- the statement ---------------------------------------------------------------------------------
 
     def build_statement(self) -> exp.Select:
-        query = self.query
-        places: list[object] = list(self.aggregate_inputs) if query.aggregated else [o.expr for o in query.columns]
-        places += [*query.group, *(() if query.aggregated else (key.expr for key in query.order))]
-        self._carry_columns(places)
+        results = self.select_results()  # which tells what the recursive table has to carry
+        read = {column.name for column in results.find_all(exp.Column)}
+        self.before = {name: short for name, short in self.before.items() if short in read}
         labels = set(self.selects.needs.labels)
         start = SqlScope().with_states(self.lower_start())
         # First steps of their own are those under another condition, or from one of several starts.
         terms = self.write_steps(start, True) if self.has_special_first_steps else [self.write_start_row(start)]
         self.selects.needs.labels = labels
-        after = {(query.id, name): self.column(short) for name, short in self.states.items()}
+        after = {(self.query.id, name): self.column(short) for name, short in self.states.items()}
         terms += self.write_steps(SqlScope().with_states(after), False)
         if self.ahead and not self.one_result:
             terms.append(self.requeue_goals())
-        return self.build_recursive_query(self.all_column_names, terms, self.list_queue_keys(), self.select_results())
+        return self.build_recursive_query(self.all_column_names, terms, self.list_queue_keys(), results)
 
     def write_start_row(self, scope: SqlScope) -> exp.Select:
         """The state of START WITH as row 0; its children are the first steps."""
@@ -236,19 +223,11 @@ class EagerSearch(RecursiveQuery):
         return [*names, *self.states.values(), *self.before.values(), *(name for name, _ in self.reads)]
 
     def list_queue_keys(self) -> Iterable[tuple[str, bool]]:
-        if self.search.order == "greedy":
-            assert self.waits is not None
-            assert self.estimate is not None
-            return ((self.waits, False), (self.estimate, False), ("step", False))
-        if self.rank is not None:
-            assert self.estimate is not None
-            return ((self.rank, False), (self.estimate, False), ("step", False))
-        if self.siblings:  # depth first, where steps of one depth that wait have one parent
-            keys = [(name, key.descending) for name, key in zip(self.siblings, self.search.siblings, strict=True)]
-            return (*self.order.queue[:1], *keys, *self.order.queue[1:])
-        if self.waits is not None:
-            return ((self.waits, False), ("step", False))
-        return self.order.queue
+        if self.rank is not None or self.waits is not None:
+            return [(name, False) for name in (self.rank or self.waits, self.estimate, "step") if name is not None]
+        # There are siblings depth first, where steps of one depth that wait have one parent.
+        keys = [(name, key.descending) for name, key in zip(self.siblings, self.search.siblings, strict=True)]
+        return (*self.order.queue[:1], *keys, *self.order.queue[1:])
 
     def group_results(self, results: exp.Select, names: list[str | None]) -> exp.Select:
         """The groups of the results; the limit keeps SQLite from asking for them twice."""
@@ -394,13 +373,3 @@ def _find_user_calls(clause: object) -> list[plan.Call]:
     if clause is None:
         return []
     return [node for node in walk(clause) if isinstance(node, plan.Call) and not node.function.builtin]
-
-
-def _remove_known_parts(place: object, known: list[plan.Expr]) -> list[object]:
-    """The parts of an expression that are left where these stand in columns."""
-    if any(place == call for call in known):
-        return []
-    hidden = [node for node in walk(place) if any(node == call for call in known)]
-    if not hidden:
-        return [place]
-    return [rest for part in list_parts(place) for rest in _remove_known_parts(part, known)]

@@ -237,11 +237,11 @@ def derived(select: exp.Query, label: str) -> exp.Subquery:
     return exp.Subquery(this=select, alias=exp.TableAlias(this=identifier(label)))
 
 
-def build_sql_union(selects: Sequence[exp.Select]) -> exp.Query:
-    """The SELECTs with UNION ALL between them."""
+def build_sql_union(selects: Sequence[exp.Select], distinct: bool = False) -> exp.Query:
+    """The SELECTs with UNION ALL between them, or UNION."""
     joined: exp.Query = selects[0]
     for one in selects[1:]:
-        joined = exp.Union(this=joined, expression=one, distinct=False)
+        joined = exp.Union(this=joined, expression=one, distinct=distinct)
     return joined
 
 

@@ -88,9 +88,8 @@ def lower_memoized_reduction(lowering: ExpressionLowering, call: plan.Call, node
     parts: list[plan.Node] = [call]
     while parts:
         part = parts.pop()
-        column = next((known for expr, known in scope.known if expr == part), None)
-        if column is not None:
-            keys.append(column)
+        if (known := scope.get_known(part)) is not None:
+            keys.append(known)
             continue
         match part:
             case plan.Element(source=source) | plan.Column(source=source) if source not in inside:
@@ -118,7 +117,7 @@ class SqlScope:
     sources: Mapping[int, Reader] = field(default_factory=dict)
     states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
     groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
-    known: tuple[tuple[plan.Expr, Node], ...] = ()  # expressions that stand in a column already
+    known: tuple[tuple[plan.Expr, Callable[[], Node]], ...] = ()  # what stands in a column already, read when needed
     again: bool = False  # what stands here is evaluated any number of times, maybe never
 
     def with_source(self, source: int, reader: Reader) -> SqlScope:
@@ -126,6 +125,10 @@ class SqlScope:
 
     def with_states(self, states: Mapping[tuple[int, str], Node]) -> SqlScope:
         return replace(self, states={**self.states, **states})
+
+    def get_known(self, expr: plan.Node) -> Node | None:
+        """The column in which the expression stands already, if any."""
+        return next((read().copy() for known, read in self.known if known == expr), None)
 
     def enter_query(self) -> SqlScope:
         """The scope of a query in an expression: aggregates belong to the innermost query."""
@@ -202,9 +205,8 @@ class ExpressionLowering:
         return node
 
     def _lower_node(self, expr: plan.Expr, scope: SqlScope) -> Node:
-        for known, node in scope.known:
-            if known == expr:
-                return node.copy()
+        if (known := scope.get_known(expr)) is not None:
+            return known
         match expr:
             case plan.Constant():
                 return self.lower_constant(expr)

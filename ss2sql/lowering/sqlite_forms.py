@@ -237,7 +237,7 @@ def _choose_inner_form(expr: plan.Expr, kinds: Kind, env: SqlScope) -> Form | No
     """The form of an operand that is computed under the check of the whole expression, and is not known already."""
     if not isinstance(expr, plan.Call) or not expr.function.builtin or not expr.function.raises:
         return None
-    if any(known == expr for known, _ in env.known):
+    if env.get_known(expr) is not None:
         return None
     form = _choose_form(expr) if expr.type.kinds == kinds else None
     return form if form is not None and form.check is Check.SIZE else None

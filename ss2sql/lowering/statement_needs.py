@@ -36,7 +36,14 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_query import BlobEncoding, ListTable, Parameter, build_module_name, choose_free_name
+from ss2sql.lowering.sql_query import (
+    BlobEncoding,
+    ListTable,
+    Parameter,
+    build_module_name,
+    choose_free_name,
+    choose_sql_names,
+)
 
 
 @dataclass(slots=True)
@@ -149,7 +156,8 @@ class StatementNeeds:
 class MaterializedTables:
     """The copies of one statement, by their names."""
 
-    def __init__(self) -> None:
+    def __init__(self, needs: StatementNeeds) -> None:
+        self.needs = needs
         self.tables: dict[str, exp.Query] = {}
 
     def copy_item(
@@ -158,7 +166,6 @@ class MaterializedTables:
         label: str,
         columns: Sequence[Node],
         name: str,
-        needs: StatementNeeds,
         order: Sequence[tuple[Node, bool]] = (),
     ) -> exp.Table:
         """A copy of a list or table, under a label: the one that there is, or a new one under a name like this.
@@ -169,13 +176,19 @@ class MaterializedTables:
         bare = _drop_labels(select)
         chosen = next((known for known, made in self.tables.items() if _drop_labels(made) == bare), None)
         if chosen is None:
-            chosen = needs.choose_table_name(name)
+            chosen = self.needs.choose_table_name(name)
             self.tables[chosen] = select
         return sql_builder.table(chosen, label)
 
-    def copy_table(
-        self, item: exp.Table, source: plan.TableSource, needs: StatementNeeds, computed: Sequence[Node] = ()
+    def copy_list(
+        self, item: exp.Table, label: str, columns: Iterable[str], place: str, computed: Sequence[Node] = ()
     ) -> exp.Table:
+        """A copy of what a virtual table walks, whose column `place` numbers its rows, with computed columns."""
+        names = (place, "this", *choose_sql_names(tuple(columns)).values())
+        shown: list[Node] = [sql_builder.column(name, label if computed else None) for name in names]
+        return self.copy_item(item, label, [*shown, *computed], f"{label}_once")
+
+    def copy_table(self, item: exp.Table, source: plan.TableSource, computed: Sequence[Node] = ()) -> exp.Table:
         """A copy of a table or view in its order, under the label of its item, with computed columns."""
         number: Node = sql_builder.column("rowid")
         order = [(sql_builder.column(key), False) for key in source.order]
@@ -184,11 +197,9 @@ class MaterializedTables:
             number = sql_builder.alias(sql_builder.row_number(order), position)
         columns = [number, *(sql_builder.column(column) for column, _ in source.columns)]
         label = item.alias_or_name
-        return self.copy_item(item, label, [*columns, *computed], f"{label}_in_order", needs, order)
+        return self.copy_item(item, label, [*columns, *computed], f"{label}_in_order", order)
 
-    def split_rows_by_keys(
-        self, copied: exp.Table, conditions: list[Node], asked: Alternatives, needs: StatementNeeds
-    ) -> exp.Table:
+    def split_rows_by_keys(self, copied: exp.Table, conditions: list[Node], asked: Alternatives) -> exp.Table:
         """A copy of a copy that has each row once for each key of which a condition asks one: `a = x OR b - 1 = x`.
 
         The condition becomes `either = x`, for which SQLite makes an index.
@@ -200,11 +211,8 @@ class MaterializedTables:
         made = [
             sql_builder.select([*columns, sql_builder.alias(one.copy(), key)], [copied.copy()]) for one in asked.keys
         ]
-        union: exp.Query = made[0]
-        for select in made[1:]:
-            union = exp.Union(this=union, expression=select, distinct=True)
-        name = needs.choose_table_name(f"{label}_by_{key}")
-        self.tables[name] = union
+        name = self.needs.choose_table_name(f"{label}_by_{key}")
+        self.tables[name] = sql_builder.build_sql_union(made, distinct=True)
         conditions[asked.number] = sql_builder.binary(asked.same, sql_builder.column(key, label), asked.other.copy())
         return sql_builder.table(name, label)
 
