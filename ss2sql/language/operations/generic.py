@@ -63,7 +63,7 @@ GENERIC = (
         sqlite=(Form("coalesce({0}, {1})", lambda types: len(types) == 2 and _in_sql(types)),),
         python=(
             Form("{0}", lambda types: not types[0].may_be(Kind.NONE)),
-            Form("{0} if {0} is not None else {1}", lambda types: len(types) == 2),
+            Form("{0} if {0} is not None else {1}", lambda types: len(types) == 2 and types[0].may_be(Kind.NONE)),
         ),
     ),
     declare(

@@ -402,9 +402,9 @@ class CodegenContext:
 
     def __init__(self, span: Span, analysis: ExpressionAnalysis) -> None:
         self.page = CodePage(span.source)
+        self.namespace: dict[str, Any] = {"__name__": __name__, PAGE: self.page}
         self.build = self.build_at(span)
         self.analysis = analysis
-        self.namespace: dict[str, Any] = {"__name__": __name__, PAGE: self.page}
         self.root = PythonScope(self, "bound", ["run"], None)
         self.names: dict[int, str] = {}  # source -> its local name
         self.states: dict[tuple[int, str], str] = {}  # START WITH variable -> its local name
@@ -425,7 +425,7 @@ class CodegenContext:
         self._count = 0
 
     def build_at(self, span: Span) -> AstBuilder:
-        return AstBuilder(self.page.add_span(span))
+        return AstBuilder(self.page.add_span(span), self.namespace)
 
     # --- names -----------------------------------------------------------------------------------------
 
@@ -442,9 +442,7 @@ class CodegenContext:
 
     def use(self, function: Callable[..., Any]) -> str:
         """The name of a function of the library."""
-        name = function.__name__
-        assert self.namespace.setdefault(name, function) is function
-        return name
+        return self.build.use(function)
 
     def bind(self, key: Any, hint: str, value: ast.expr, build: AstBuilder, error: str | None = None) -> str:
         """A name for a value that is computed once, when a run begins; `error` names what may go wrong there."""

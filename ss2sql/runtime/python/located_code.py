@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import ast
 import linecache
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, reduce
 from itertools import islice
-from types import FrameType, TracebackType
+from types import FrameType, MappingProxyType, TracebackType
 from typing import Any, TypeAlias, TypeVar
 
 from ss2sql.errors import Error, ExecutionError, Source, Span, Stopped, note_place_on_exception
@@ -195,13 +195,50 @@ def _iterate_generated_frames(traceback: TracebackType | None) -> Iterator[Place
 
 # --- Python code as syntax trees whose positions are those of the script, from nodes or from text
 class AstBuilder:
-    """Makes syntax trees, all at one position of the script."""
+    """Makes syntax trees, all at one position of the script, from nodes or from text.
 
-    __slots__ = ("at",)
+    >>> build = AstBuilder((1, 1, 0, 0), {})
+    >>> code = build.write("if KEY in closed:\\n    DROP", KEY="row", DROP=[build.continue_loop()])
+    >>> print(ast.unparse(code[0]))
+    if row in closed:
+        continue
+    >>> print(ast.unparse(build.express("most(found)[0]", most=max, found="found_1")))
+    max(found_1)[0]
+    """
 
-    def __init__(self, position: Position) -> None:
+    __slots__ = ("at", "namespace")
+
+    def __init__(self, position: Position, namespace: dict[str, Any]) -> None:
         line, end_line, column, end_column = position
         self.at: Any = {"lineno": line, "end_lineno": end_line, "col_offset": column, "end_col_offset": end_column}
+        self.namespace = namespace  # the globals of the code, which functions of the library are put into
+
+    def write(self, text: str, **words: Word) -> list[ast.stmt]:
+        """The statements of a text, each word in it replaced by what it stands for."""
+        return copy_tree(parse_code(text), {word: self._build_word(meant) for word, meant in words.items()}, self.at)
+
+    def express(self, text: str, **words: Word) -> ast.expr:
+        """The expression that a text is."""
+        (line,) = self.write(text, **words)
+        assert isinstance(line, ast.Expr)
+        return line.value
+
+    def _build_word(self, meant: Word) -> ast.expr | Sequence[ast.stmt]:
+        match meant:
+            case str():
+                return self.name(meant)
+            case ast.expr() | list():
+                return meant
+            case None | int():
+                return self.constant(meant)
+        assert callable(meant)
+        return self.name(self.use(meant))
+
+    def use(self, function: Callable[..., Any]) -> str:
+        """The name of a function of the library."""
+        name = function.__name__
+        assert self.namespace.setdefault(name, function) is function
+        return name
 
     # --- expressions -----------------------------------------------------------------------------------
 
@@ -330,80 +367,47 @@ class AstBuilder:
 
 # --- python text as syntax trees at a place of the script; names and copies of such trees
 T = TypeVar("T")
-POSITION_FIELDS = ("lineno", "end_lineno", "col_offset", "end_col_offset")
 
-# What the words of a text stand for: an expression, or statements where the word stands alone on its line.
-Substitutions = Mapping[str, ast.expr | list[ast.stmt]]
-
-
-def generate_template(text: str, build: AstBuilder, words: Substitutions) -> list[ast.stmt]:
-    """The statements of a text, each word in it replaced by what it stands for.
-
-    >>> build = AstBuilder((1, 1, 0, 0))
-    >>> words = {"KEY": build.name("row"), "DROP": [build.continue_loop()]}
-    >>> code = generate_template("if KEY in closed:\\n    DROP", build, words)
-    >>> print(ast.unparse(code[0]))
-    if row in closed:
-        continue
-    """
-
-    def fill_node(node: Any) -> Any:
-        match node:
-            case ast.Name(id=word, ctx=context) if word in words:
-                meant = words[word]
-                return ast.Name(meant.id, context, **build.at) if isinstance(meant, ast.Name) else meant
-            case ast.AST():
-                fields = {name: fill_node(value) for name, value in ast.iter_fields(node)}
-                return type(node)(**fields, **(build.at if "lineno" in node._attributes else {}))
-            case list():
-                return [one for part in node for one in fill_parts(part)]
-        return node
-
-    def fill_parts(part: Any) -> list[Any]:
-        if isinstance(part, ast.Expr) and isinstance(part.value, ast.Name):
-            meant = words.get(part.value.id)
-            if isinstance(meant, list):
-                return meant
-        return [fill_node(part)]
-
-    return fill_node(_parse_code_template(text))  # type: ignore[no-any-return]
+# What a word of a text stands for: an expression; statements, where the word stands alone on its line; a name; a
+# function of the library; a constant.
+Word: TypeAlias = "ast.expr | Sequence[ast.stmt] | str | Callable[..., Any] | int | None"
 
 
 @cache
-def _parse_code_template(text: str) -> list[ast.stmt]:
-    return ast.parse(text).body
-
-
-def strip_positions(code: list[ast.stmt]) -> list[ast.stmt]:
-    """The statements without their places, which mean nothing in a script; `set_code_positions` gives them others."""
+def parse_code(text: str) -> list[ast.stmt]:
+    """The statements of a text without their positions, which mean nothing in a script. Read them, and copy them."""
+    code = ast.parse(text).body
     for node in (node for part in code for node in ast.walk(part)):
-        for word in POSITION_FIELDS:
-            if hasattr(node, word):
-                delattr(node, word)
+        for position in ("lineno", "end_lineno", "col_offset", "end_col_offset"):
+            node.__dict__.pop(position, None)
     return code
 
 
-def set_code_positions(tree: ast.AST, at: Mapping[str, int]) -> None:
-    for node in ast.walk(tree):
-        if "lineno" in node._attributes and not hasattr(node, "lineno"):
-            for word, value in at.items():
-                setattr(node, word, value)
+def copy_tree(
+    node: T, words: Mapping[str, Any] = MappingProxyType({}), at: Mapping[str, int] = MappingProxyType({})
+) -> T:
+    """A copy of syntax trees, in which words are replaced by what they stand for, with positions where there are none.
 
-
-def copy_tree(node: T) -> T:
-    """A copy of syntax trees: `copy.deepcopy` takes four times as long.
-
-    Fields and places alone: who shows tracebacks, as IPython does, notes the parents of nodes in them, and all trees
-    share their `Load`.
+    `copy.deepcopy` takes four times as long. Fields and positions alone are copied: who shows tracebacks, as IPython
+    does, notes the parents of nodes in them.
     """
     if isinstance(node, list):
-        return [copy_tree(part) for part in node]  # type: ignore[return-value]
-    if not isinstance(node, ast.AST):
+        lines: list[Any] = []
+        for part in node:
+            word = words.get(part.value.id) if type(part) is ast.Expr and type(part.value) is ast.Name else None
+            lines += word if isinstance(word, list) else [copy_tree(part, words, at)]
+        return lines  # type: ignore[return-value]
+    if not isinstance(node, ast.AST) or not (node._fields or node._attributes):
         return node
+    if isinstance(node, ast.Name) and node.id in words:
+        word = words[node.id]
+        return ast.Name(word.id, node.ctx, **at) if isinstance(word, ast.Name) else word  # type: ignore[return-value]
     made: Any = type(node).__new__(type(node))
     fields = node.__dict__
-    made.__dict__.update({name: copy_tree(fields[name]) for name in node._fields if name in fields})
-    made.__dict__.update({name: fields[name] for name in node._attributes if name in fields})
+    made.__dict__.update({name: copy_tree(fields[name], words, at) for name in node._fields if name in fields})
+    if node._attributes:
+        made.__dict__.update(at)
+        made.__dict__.update({name: fields[name] for name in node._attributes if name in fields})
     return made  # type: ignore[no-any-return]
 
 

@@ -29,7 +29,7 @@ from ss2sql.runtime.python.codegen_context import (
     ExpressionFacts,
     PythonScope,
 )
-from ss2sql.runtime.python.located_code import AstBuilder, generate_template, locate_in_script
+from ss2sql.runtime.python.located_code import AstBuilder, locate_in_script
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
 from ss2sql.runtime.run.calls import make_call_key, report_memo_counts
@@ -300,7 +300,7 @@ class QueryCompiler:
         body = PythonScope(codegen, codegen.new_name("flush"), [], codegen.root)
         for name in COUNTERS:
             codegen.name_counter(name, body)
-        body.emit(*generate_template(HAND_ON, codegen.build, {"meter": codegen.read_step_meter()}))
+        body.emit(*codegen.build.write(HAND_ON, meter=codegen.read_step_meter()))
         body.define_function()
         return body.name
 

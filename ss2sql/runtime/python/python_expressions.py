@@ -18,7 +18,6 @@ import re
 import sys
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING, Any, TypeGuard, assert_never
 
 from ss2sql.fast_dataclasses import dataclass
@@ -31,7 +30,7 @@ from ss2sql.language.plan_traversal import list_plan_choices
 from ss2sql.language.values import SCALARS, make_hashable
 from ss2sql.runtime.python.call_code import generate_memoized_call, is_memoized_call
 from ss2sql.runtime.python.codegen_context import OWN_GROUP, CodegenContext, PythonScope
-from ss2sql.runtime.python.located_code import AstBuilder, locate_in_script
+from ss2sql.runtime.python.located_code import AstBuilder, copy_tree, locate_in_script, parse_code
 from ss2sql.runtime.python.source_lookups import bind_column_reader, bind_element_reader
 from ss2sql.runtime.run.post_processing import make_group_aggregation
 from ss2sql.runtime.run.run_state import Run
@@ -132,8 +131,13 @@ class InlineCall:
         return self._fill_template_text(text)
 
     def _fill_template_text(self, text: str, value: PythonOperand | None = None) -> ast.expr:
-        tree: ast.expr = _fill_code_template(parse_generated_code(text), self, value)
-        return tree
+        words = FormWords({f"argument_{index}": operand for index, operand in enumerate(self.operands)})
+        if value is not None:
+            words["argument_value"] = value
+        text = text.replace("{*}", ", ".join(words))
+        (line,) = copy_tree(parse_code(re.sub(r"\{(\w+)\}", r"argument_\1", text)), words, self.build.at)
+        assert isinstance(line, ast.Expr)
+        return line.value
 
     def _write_tested(self, test: str) -> ast.expr:
         """The value where the test holds, else the call.
@@ -232,37 +236,11 @@ class InlineCall:
         return self.build.call(self.codegen.name_function(self.node.function, self.build), *arguments)
 
 
-def _fill_code_template(node: Any, inline: InlineCall, value: PythonOperand | None) -> Any:
-    """A text with operands in it: each where it is evaluated first, then its name; an IfExp has its test first."""
-    build = inline.build
-    match node:
-        case ast.Name(id="argument_value"):
-            assert value is not None
-            return value.take_expr()
-        case ast.Name(id=name) if name.startswith("argument_"):
-            return inline.operands[int(name[-1])].take_expr()
-        case ast.Name(id=name):
-            return build.name(name)
-        case ast.Call(func=ast.Name(id=name), args=[ast.Starred()]):
-            return build.call(name, *(operand.take_expr() for operand in inline.operands))
-        case ast.expr():
-            parts = {field: _fill_code_template(part, inline, value) for field, part in ast.iter_fields(node)}
-            if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.IsNot) and _is_code_literal(parts["left"]):
-                return build.constant(True)  # a literal is no None, and Python warns of `1 is not None`
-            return type(node)(**parts, **build.at)
-        case list():
-            return [_fill_code_template(part, inline, value) for part in node]
-    return node
+class FormWords(dict[str, PythonOperand]):
+    """The operands of a form: each where it is evaluated first, then its name; an IfExp has its test first."""
 
-
-def _is_code_literal(node: ast.expr) -> bool:
-    return isinstance(node, ast.Constant) and node.value is not None
-
-
-@cache
-def parse_generated_code(text: str) -> ast.expr:
-    """The tree of a text. Read it, and copy what you take."""
-    return ast.parse(re.sub(r"\{(\w+)\}", r"argument_\1", text.replace("{*}", "*arguments")), mode="eval").body
+    def __getitem__(self, word: str) -> Any:
+        return super().__getitem__(word).take_expr()
 
 
 # --- expressions as Python expressions

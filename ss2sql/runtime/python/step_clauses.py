@@ -18,7 +18,6 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR, Kind, Type
 from ss2sql.language.values import FREEZERS, Shape, choose_frozen_shape, convert_and_freeze, is_flat_list_type
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
-from ss2sql.runtime.python.located_code import AstBuilder, generate_template
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.single_calls import SingleCall, SingleSourceCall
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
@@ -181,7 +180,8 @@ class StepClauses:
         if self.key_is_named:
             self._find_key(after)
             if not self.edges:
-                self._add_template(CLOSED, self.build, IS_CLOSED=self._write_closed_test(), LEAVE=self._write_prune())
+                is_closed = self._write_closed_test()
+                self.inner.emit(*self.build.write(CLOSED, IS_CLOSED=is_closed, LEAVE=self._write_prune()))
         if self.totals and (self.key_is_named or not (self.steady or stops)):
             self._write_improvement_test(known=self.search.heuristic is None)
         self.inner.emit(self.build.run(self.build.yield_(self._write_step(after, stops))))
@@ -216,11 +216,8 @@ class StepClauses:
         build = self.build
         return values[0] if len(values) == 1 else build.name(self.inner.assign_name(build.pack(*values), build, "key"))
 
-    def _add_template(self, text: str, build: AstBuilder, **words: ast.expr | list[ast.stmt]) -> None:
-        self.inner.emit(*generate_template(text, build, words))
-
     def _write_prune(self) -> list[ast.stmt]:
-        return [*self._write_trace_note("repeated"), *generate_template(PRUNE, self.build, {})]
+        return [*self._write_trace_note("repeated"), *self.build.write(PRUNE)]
 
     def _write_trace_note(self, word: str) -> list[ast.stmt]:
         """Lets the trace hear of a step that leaves none, with its row where it is known, or nobody could notice."""
@@ -310,7 +307,7 @@ class StepClauses:
 
     def _write_early_select(self, early: bool) -> None:
         """SELECT, before all else, and whether its row is closed."""
-        build, single = self.build, None
+        build, inner, single = self.build, self.inner, None
         for expr, shape in zip(self.outputs, self.columns, strict=True):
             if self.single is not None and single is None and self.single.key == self.codegen.analysis.facts(expr).key:
                 single = len(self.row)
@@ -333,12 +330,8 @@ class StepClauses:
             self._write_total()
             self._write_improvement_test()
         else:
-            self._add_template(
-                CLOSED,
-                self.build,
-                IS_CLOSED=self._write_closed_test(),
-                LEAVE=self._write_edge() if self.edges else self._write_prune(),
-            )
+            leave = self._write_edge() if self.edges else self._write_prune()
+            inner.emit(*build.write(CLOSED, IS_CLOSED=self._write_closed_test(), LEAVE=leave))
 
     def _write_closed_test(self) -> ast.expr:
         build = self.build
@@ -363,9 +356,8 @@ class StepClauses:
             copies = build.call("map", build.name(codegen.embed(list.copy, "copy")), value)  # fails for what is no list
             made = build.call("tuple", build.call("map", build.name("tuple"), copies))
         row = [build.bind(key.id, made) if at == place else part for at, part in enumerate(self.row)]
-        self._add_template(
+        checked = build.write(
             CHECKED if single.shape in ("flat", "nested") else SETTLED,
-            build,
             VALUE=value,
             KEY=key,
             FREEZE=[build.assign(key.id, made) if alone else build.assign("row", build.pack(*row))],
@@ -373,10 +365,11 @@ class StepClauses:
             IS_CLOSED=self._write_closed_test(),
             LEAVE=self._write_edge() if self.edges else self._write_prune(),
             GIVER=build.constant(single.node.function.name),
-            FREEZER=build.name(codegen.use(FREEZERS[single.shape])),
-            settled=build.name(codegen.use(convert_and_freeze)),
-            dumps=build.name(codegen.use(dumps)),
+            FREEZER=FREEZERS[single.shape],
+            settled=convert_and_freeze,
+            dumps=dumps,
         )
+        self.inner.emit(*checked)
 
     def _write_edge(self) -> list[ast.stmt]:
         """What MEMORIZE is given of a step to a known row: its weight is evaluated, and nothing else."""
@@ -479,7 +472,7 @@ class StepClauses:
             total = build.bind("known", build.call(build.part(build.name("best"), "get"), self.key))
         worse = build.compare(build.name("known"), ast.LtE(), build.name("new_total"))
         is_worse = build.join_conditions(ast.And(), [build.compare(total, ast.IsNot(), build.constant(None)), worse])
-        self._add_template(CLOSED, self.build, IS_CLOSED=is_worse, LEAVE=self._write_prune())
+        self.inner.emit(*build.write(CLOSED, IS_CLOSED=is_worse, LEAVE=self._write_prune()))
 
     # --- CONNECT BY ------------------------------------------------------------------------------------
 

@@ -48,7 +48,7 @@ from ss2sql.language.rows import Row
 from ss2sql.language.values import THAWERS, order_rows
 from ss2sql.runtime.python.codegen_context import COUNTERS, PythonScope
 from ss2sql.runtime.python.flat_query import place_conditions
-from ss2sql.runtime.python.located_code import generate_template, list_names_code_reads
+from ss2sql.runtime.python.located_code import list_names_code_reads
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.query_execution import TURNS_PER_CHECK, iterate_with_checks, make_count_report
 from ss2sql.runtime.python.source_lookups import Lookup, find_index_lookups
@@ -156,9 +156,8 @@ class StepFunction(StepClauses):
         """Writes the function and gives its name."""
         for name in COUNTERS:
             self.codegen.name_counter(name, self.body)
-        due = self.build.name(self.codegen.name_counter("due_step", self.body))
         self.inner.emit(self.build.add_to("drawn"))
-        *before, loop = self._write_body({"due": due})
+        *before, loop = self._write_body(self.codegen.name_counter("due_step", self.body))
         names = list(self.frozen_states.values()) + ["_"] * (self.search.first is not None)
         begin = [self.build.assign("drawn", self.build.constant(0)), self.build.unpack(names, self.build.name("state"))]
         if self.single is not None and self.single.end:
@@ -175,7 +174,7 @@ class StepFunction(StepClauses):
             return None
         build, codegen, run = self.build, self.codegen, self.build.name("run")
         hand_on = codegen.bind("hand_on of steps", "hand_on", build.call(codegen.use(make_count_report), run), build)
-        self.body.blocks[0][:] = self._write_body({})
+        self.body.blocks[0][:] = self._write_body("due")
         function = self.body.build_function(build)
         assert isinstance(function, ast.FunctionDef)
         known = {
@@ -189,8 +188,8 @@ class StepFunction(StepClauses):
             "last": self.query.last,
             "outdated": None,
         }
-        expanded = 0 if self.edges else -1  # a search is no step, so its start does not count
-        begin = generate_template(f"generated = pruned = due = 0\nexpanded = {expanded}", build, {})
+        expanded = build.constant(0 if self.edges else -1)  # a search is no step, so its start does not count
+        begin = build.write("generated = pruned = due = 0; expanded = EXPANDED", EXPANDED=expanded)
         end = [build.run(build.call(hand_on, *map(build.name, COUNTERS)))]
         if self.single is not None:
             begin, end = [*begin, *self.single.begin], [*self.single.end, *end]
@@ -203,13 +202,12 @@ class StepFunction(StepClauses):
         codegen.namespace |= {"START": START, "TAKEN": TAKEN}
         return name
 
-    def _write_body(self, words: dict[str, ast.expr]) -> list[ast.stmt]:
+    def _write_body(self, due: str) -> list[ast.stmt]:
         """The code of the function after the parameters, with what is computed once for a state; the loop is last."""
         build, codegen, body = self.build, self.codegen, self.body
-        times = build.part(build.name("choose"), "counted") if self.form.noted else build.constant(1)
-        words |= {"meter": codegen.read_step_meter(), "TIMES": times}
-        look, text = generate_template(LOOK, build, words), BEFORE_LIST if self.has_list_elements else BEFORE
-        self.inner.emit(*generate_template(COUNT, build, words), *([] if self.has_list_elements else look))
+        times = build.express("choose.counted" if self.form.noted else "1")
+        look = build.write(LOOK, due=due, meter=codegen.read_step_meter())
+        self.inner.emit(*build.write(COUNT, TIMES=times), *([] if self.has_list_elements else look))
         self.write_clauses()
         *before, loop = body.blocks[0]
         assert loop is self.loop
@@ -230,7 +228,8 @@ class StepFunction(StepClauses):
                 made = build.call(codegen.use(THAWERS[shape]), build.name(self.frozen_states[name]))
                 thawed.append(build.assign(value, made))
         codegen.use(iterate_with_checks)
-        begin = generate_template(text, build, {"ITEMS": items, "LOOK": look, **words})
+        text = BEFORE_LIST if self.has_list_elements else BEFORE
+        begin = build.write(text, TIMES=times, ITEMS=items, LOOK=look)
         return [*thawed, *before, *for_state, *begin, self.loop]
 
     # --- elements --------------------------------------------------------------------------------------

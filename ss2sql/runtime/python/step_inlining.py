@@ -27,8 +27,7 @@ from ss2sql.runtime.python.located_code import (
     copy_tree,
     list_names_code_reads,
     list_names_code_sets,
-    set_code_positions,
-    strip_positions,
+    parse_code,
 )
 
 
@@ -47,7 +46,9 @@ def inline_step_function(
     A state is the values of `states`. `known` is what the query says of `problem`: {"repeats": "unique", ...}. `begin`
     and `end` stand around it all.
     """
-    code = copy_tree(_get_loop_body(loop))
+    (text,) = parse_code(inspect.getsource(loop))
+    assert isinstance(text, ast.FunctionDef)
+    code = copy_tree(text.body[1:], at=build.at)  # after its docstring
     facts: dict[str, ast.expr] = {f"problem.{word}": ast.Constant(value) for word, value in known.items()}
     splice = _StepInliner(expand, states)
     code = splice.transform_block(_ConstantFolder(facts, Counter(list_names_code_sets(code))).transform_block(code))
@@ -56,9 +57,8 @@ def inline_step_function(
     if outer:
         whole.insert(0, ast.Nonlocal(outer))
     parameters = [ast.arg(word, None) for word in inspect.signature(loop).parameters]
-    function = ast.FunctionDef(name, ast.arguments([], parameters, None, [], [], None, []), whole, [], None)
-    set_code_positions(function, build.at)
-    return function
+    arguments = ast.arguments([], parameters, None, [], [], None, [])
+    return ast.fix_missing_locations(ast.FunctionDef(name, arguments, whole, [], None, **build.at))
 
 
 @cache
@@ -68,13 +68,6 @@ def has_search_loop_code(loop: Callable[..., Any]) -> bool:
         return bool(inspect.getsource(loop))
     except OSError:
         return False
-
-
-@cache
-def _get_loop_body(loop: Callable[..., Any]) -> list[ast.stmt]:
-    (function,) = ast.parse(inspect.getsource(loop)).body
-    assert isinstance(function, ast.FunctionDef)
-    return strip_positions(function.body[1:])  # after its docstring
 
 
 class _Transformer(ast.NodeTransformer):
