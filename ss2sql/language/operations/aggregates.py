@@ -226,7 +226,6 @@ OPERATIONS: tuple[Operation, ...] = (
         sqlite=(Form("coalesce(sum({0}), 0)", _are_bounded_float_types),),
         python=(Form(sum_floats, exactly(Kind.FLOAT)), Form(sum_integers, each(INTEGER))),
         portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _are_small_integer_types),),
-        of_float_sum=lambda total, count: total,
         of_list={
             "result": _infer_list_sum, "can_fail": _can_sum_fail,
             "python": (
@@ -238,7 +237,6 @@ OPERATIONS: tuple[Operation, ...] = (
     declare_aggregate(
         "average", compute_mean, FLOAT, about="the mean of a list of numbers", example="average([1, 2, 6])",
         portable=(Form("cast(sum({0}) AS DOUBLE) / count({0})", _are_exact_average_types),),
-        of_float_sum=lambda total, count: total / count,
     ),
     declare_aggregate(
         "median", _compute_median, FLOAT, about="the middle of a list of numbers, a float",

@@ -115,7 +115,6 @@ class AggregateOperation:
     sqlite: tuple[Form, ...] = ()  # else a callback collects the values
     python: tuple[Form, ...] = ()
     portable: tuple[Form, ...] = ()
-    of_float_sum: Callable[[float, int], float] | None = None  # of the sum of so many floats, which is rounded once
 
     def type_of_group(self, kind: Type) -> Type:
         """The type for a group, which has a row, of values of this type, None among them perhaps."""
@@ -212,7 +211,7 @@ def declare_aggregate(
         can_fail: whether a value of such elements can fail; by default if they may be no numbers.
         in_sql: see AggregateOperation.
         of_list: fields of the function of a list, such as its forms.
-        **forms: those of the aggregate, and `of_float_sum`.
+        **forms: those of the aggregate.
     """
 
     def check_and_compute(values: list[Any]) -> Any:

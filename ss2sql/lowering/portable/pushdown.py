@@ -47,8 +47,8 @@ from ss2sql.lowering.sqlite_expressions import SqlScope
 
 # Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
 FUNCTION_PREFIX = "ss2sql_"
-# Functions that the database is given, for the aggregates of floats: of their exact sum, and of all values as a list.
-SUMMED_AGGREGATES = {name: f"{FUNCTION_PREFIX}{name}" for name, row in GROUPS.items() if row.of_float_sum is not None}
+# For the aggregates of floats: macros of the database's own compensated sums, and functions of a list of all values.
+SUMMED_AGGREGATES = {name: f"{FUNCTION_PREFIX}{name}" for name in ("sum", "average")}
 LISTED_AGGREGATES = {
     name: f"{FUNCTION_PREFIX}{name}"
     for name, row in GROUPS.items()
