@@ -93,7 +93,7 @@ def _prepare(ss: ss2sql.Session, lowered: Any) -> None:
     """SQLite itself says whether a statement is one."""
     asked = replace(lowered, text=f"EXPLAIN {lowered.text}")
     try:
-        ss.host.database.open_cursor(asked, Interning(), lambda parameter: 0).close(True)
+        ss.host.prepare_database().open_cursor(asked, Interning(), lambda parameter: 0).close(True)
     except (apsw.SQLError, apsw.TooBigError) as error:
         if not any(words in str(error).lower() for words in TOO_LARGE):
             raise AssertionError(f"{error}\n{lowered.text}") from error

@@ -39,10 +39,10 @@ class OutlineOwner(Protocol):
 
     disabled: frozenset[str]
     functions: dict[str, UserFunction]
-    database: Database
 
     @property
     def graphs(self) -> CachePolicy | None: ...
+    def prepare_database(self) -> Database: ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -373,11 +373,11 @@ class CompiledQuery:
             run.lowered[self] = self.by_value
             return self.by_value
 
-        host = self.host
+        database = self.host.prepare_database()
         lowered = run.lowered[self] = self.by_value or self.lower_for_run(run)
         before = run.stats.steps
         try:
-            extras = host.database.execute(lowered, run, evaluate_parameter, lower_by_value, sink, most)
+            extras = database.execute(lowered, run, evaluate_parameter, lower_by_value, sink, most)
         except Stopped:
             raise
         except Exception as error:

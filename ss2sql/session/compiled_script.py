@@ -44,6 +44,7 @@ from ss2sql.results.notes import note_unread_arguments, suggest_timeout_cure
 from ss2sql.results.result import OutlinedStatement, QueryResult, Result, Status, join_outlined_sql
 from ss2sql.runtime.parallel import IN_WORKER
 from ss2sql.runtime.run.run_state import (
+    CarriedStopError,
     Places,
     Run,
     Stats,
@@ -53,7 +54,6 @@ from ss2sql.runtime.run.run_state import (
     translate_memory_error,
 )
 from ss2sql.runtime.run.value_sizes import ValueSizes
-from ss2sql.runtime.sqlite.sql_functions import CarriedStopError
 from ss2sql.session.compiled_query import OPTIONS, CompiledQuery, Engine, RunOptions, compile_expression
 from ss2sql.session.variables import predict_variables
 
@@ -381,7 +381,6 @@ def execute_script(
 ) -> Result:
     """Runs a compiled script and gives the result of its last statement. The `variables` are values of the language."""
     options.check_options()
-    host.prepare_database()
     run.bounds.ceiling = _find_session_memory_limit(host)
     run.max_rows = run.sizes.rows = options.max_rows
     run.steps_left = _count_session_steps(host)

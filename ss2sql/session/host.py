@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import field, replace
 from functools import cache, cached_property, wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
@@ -30,10 +30,8 @@ from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime.representations.shape import REPRESENTATIONS, Representations
 from ss2sql.runtime.run.run_state import MEMO_LIMIT, Limits, Run, defer_keyboard_interrupt, pause_collector
 from ss2sql.runtime.run.value_sizes import ValueSizes
-from ss2sql.runtime.sqlite.connections import close_file, while_using_files
+from ss2sql.runtime.sqlite.connections import CHECK_EVERY, close_file, while_using_files
 from ss2sql.runtime.sqlite.database_tables import STORED, Tables
-from ss2sql.runtime.sqlite.executor import Database
-from ss2sql.runtime.sqlite.sql_functions import BUILT_IN, choose_function_names
 from ss2sql.session.compiled_query import open_session_engine
 from ss2sql.session.variables import (
     History,
@@ -54,6 +52,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
     from ss2sql.runtime.parallel.process_pool import ProcessPool
+    from ss2sql.runtime.sqlite.executor import Database
     from ss2sql.session.session import Session
     from ss2sql.vtables.attached_worlds import AttachedWorld
 
@@ -178,12 +177,16 @@ class SessionResources:
         self.session = None  # at the end of Python DuckDB tells of each connection that somebody holds, in twenty lines
 
 
+# The built-in functions and operators as the plan knows them.
+BUILT_IN: Mapping[str, plan.Function] = {name: row.make_function() for name, row in OPERATIONS.items()}
+
+
 # --- what a session holds and what its runs ask for; `Session` is the face of it, `run.Host` its contract
 class SessionHost:
     """The functions, variables, tables and representations of a session.
 
-    `generation` counts registrations, so that compiled scripts notice them. `sql_names` are the names that
-    registered functions have in SQL. `disabled` names the optimisations that are switched off.
+    `generation` counts registrations, so that compiled scripts notice them. `disabled` names the optimisations that are
+    switched off.
     """
 
     def __init__(
@@ -201,16 +204,15 @@ class SessionHost:
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.active_runs: list[Run] = []  # what runs, or is compiled to run, the innermost last
-        self.database = Database(connection, self.memo_limit, self.active_runs)
+        connection.set_progress_handler(self._check_active_run, CHECK_EVERY)
         connection.limit(apsw.SQLITE_LIMIT_LENGTH, limits.max_size)
         self.memories = QueryCaches()
         self.tables = Tables(connection)
         self.shapes = Representations(limits.max_size)
         self.functions: dict[str, UserFunction] = {}
         self.world_functions: dict[str, UserFunction] = {}  # by the names that scripts use
-        self.sql_names: dict[str, str] = {}
-        self.late: dict[str, str] = {}  # names and SQL names of functions that the database does not know yet
         self.planned: dict[str, UserFunction] = {}  # by the names that plans use
+        self._sql_names: dict[str, str] | None = None  # of these
         self.generation = 0
         self.runs: list[Run] = []
         self.held = SessionResources(engine_session, self.active_runs)
@@ -233,10 +235,33 @@ class SessionHost:
         self.get_variable, self.bind_late = self.names.read_value, self.names.bind_late
         self.store_temporal = self.names.store_temporal
         self.own = SessionFunctions(self)
+
+    @cached_property
+    def database(self) -> Database:
+        """SQLite with what lowered queries call; a session without such queries does without."""
+        from ss2sql.runtime.sqlite.executor import Database
+
+        made = Database(self.connection, self.memo_limit, self._check_active_run)
         for name, row in OPERATIONS.items():
             # The database has its own `==` and `!=`; the others are constructs of the plan.
             if name not in ("eq", "ne", "eval", "to", "times"):
-                self.database.register_builtin(name, row.value or self.own.get_function(name))
+                made.register_builtin(name, row.value or self.own.get_function(name))
+        return made
+
+    @property
+    def sql_names(self) -> dict[str, str]:
+        """The names that registered functions have in SQL."""
+        if self._sql_names is None:
+            from ss2sql.runtime.sqlite.sql_functions import choose_function_names
+
+            self._sql_names = choose_function_names(self.planned)
+        return self._sql_names
+
+    def _check_active_run(self) -> bool:
+        """Ends a statement whose run has to end. What is written into the file is written to its end."""
+        if self.active_runs and self.connection.txn_state() != apsw.SQLITE_TXN_WRITE:
+            self.active_runs[-1].check()
+        return False
 
     @cached_property
     def graphs(self) -> CachePolicy | None:
@@ -257,35 +282,23 @@ class SessionHost:
 
     def register_function(self, entry: UserFunction) -> None:
         self.functions[entry.name] = entry
-        self._name_functions({entry.name})
+        self._collect_functions()
 
-    def _name_functions(self, changed: Collection[str]) -> None:
-        """Gives functions their names in SQL, and registers those that have changed with the database."""
+    def _collect_functions(self) -> None:
         self.generation += 1
         self.planned = {entry.name: entry for entry in self.world_functions.values()} | self.functions
-        before, self.sql_names = self.sql_names, choose_function_names(self.planned)
+        self._sql_names = None
+
+    def prepare_database(self) -> Database:
+        """The database with the present functions. Raises SessionError S004 if a running statement may call one."""
         for name, sql_name in self.sql_names.items():
-            if name in changed or before.get(name) != sql_name:
-                self.late[name] = sql_name
-        with suppress(apsw.BusyError):  # a function that registers functions, called by SQLite
-            self.register_pending()
-
-    def register_pending(self) -> None:
-        """Registers waiting functions with the database. Raises apsw.BusyError if a running statement may call one."""
-        for name, sql_name in list(self.late.items()):
-            if name in self.planned:  # else it was of a world that has gone
-                self.database.register_user(self.planned[name], sql_name)
-            del self.late[name]
-
-    def prepare_database(self) -> None:
-        """Prepares the database for a run. Raises SessionError S004 if it cannot."""
-        if self.late:
             try:
-                self.register_pending()
+                self.database.register_user(self.planned[name], sql_name)
             except apsw.BusyError:
-                message = f"the function '{next(iter(self.late))}' was registered anew while a query runs"
+                message = f"the function '{name}' was registered anew while a query runs"
                 hints = ("register functions between queries",)
                 raise SessionError("S004", message, hints=hints) from None
+        return self.database
 
     def attach_world(self, name: str, world: contract.World) -> None:
         """Adds tables, functions and representations of a world. Raises SessionError S002 for wrong declarations."""
@@ -334,7 +347,7 @@ class SessionHost:
 
         self.world_functions.clear()
         self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).list_functions())
-        self._name_functions({entry.name for entry in self.world_functions.values()} - self.functions.keys())
+        self._collect_functions()
 
     # --- what the compiler reads ------------------------------------------------------------------------
 

@@ -33,7 +33,7 @@ from ss2sql.runtime.run.run_state import (
     defer_keyboard_interrupt,
 )
 from ss2sql.runtime.run.value_sizes import MAX_SIZE
-from ss2sql.runtime.sqlite.connections import close_file, open_sqlite_file
+from ss2sql.runtime.sqlite.connections import close_file, lock_down_connection, open_sqlite_file
 from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path, find_sqlite_path
 from ss2sql.session.compiled_query import Engine, RunOptions, check_engine, check_engine_session
 from ss2sql.session.compiled_script import (
@@ -72,6 +72,7 @@ def open_session_connection(path: str | os.PathLike[str] | None, read_only: bool
     try:
         connection = apsw.Connection(":memory:") if path is None else open_sqlite_file(os.fspath(path), flags)
         connection.set_busy_timeout(BUSY_MILLISECONDS)
+        lock_down_connection(connection)
         connection.execute("SELECT count(*) FROM sqlite_schema").fetchall()
         for pragma in (CHECK_CELLS, *MEMORY_PRAGMAS):
             connection.execute(pragma)

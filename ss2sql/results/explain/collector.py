@@ -245,7 +245,7 @@ def describe_sqlite_plan(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
     """SQLite's plan of a query. Raises apsw.Error where it is unavailable: the session is closed, a table is gone."""
     assert outlined.lowered is not None
     explaining = replace(outlined.lowered, text=f"EXPLAIN QUERY PLAN {outlined.lowered.text}")
-    cursor = outlined.host.database.open_cursor(explaining, Interning(), lambda parameter: 0)
+    cursor = outlined.host.prepare_database().open_cursor(explaining, Interning(), lambda parameter: 0)
     try:
         rows: list[tuple[int, int, int, str]] = list(cursor)
     finally:

@@ -341,6 +341,10 @@ class FailedCall:
         self.error = error
 
 
+class CarriedStopError(Exception):
+    """A StopIteration of a function on its way through SQLite: by itself it would only end the walk over the rows."""
+
+
 def keep_bounded(memory: dict[Any, Any], key: Any, value: Any, limit: int = MEMO_LIMIT) -> None:
     """Keeps a value, unless the limit is 0. Where there are too many, the older half is forgotten.
 

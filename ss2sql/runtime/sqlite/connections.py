@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     import sqlite3
 
 
+CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms
 # What reading a file may raise: a text in it may be no UTF-8.
 READ_ERRORS = (apsw.Error, UnicodeDecodeError)
 
@@ -58,7 +59,6 @@ class Authorizer:
         self.functions: set[str] = set()
         self._looks = False
         self._text = ""
-        lock_down_connection(connection)
         connection.authorizer = self._authorize_action
 
     def add_scalar(self, name: str, function: Callable[..., Any], arguments: int = -1) -> None:

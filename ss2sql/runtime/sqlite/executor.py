@@ -28,7 +28,7 @@ from ss2sql.language.values import get_truth
 from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, SqlQuery, get_builtin_name
 from ss2sql.runtime.run.run_state import Run, check_cost, check_heuristic, check_probability, keep_bounded
 from ss2sql.runtime.run.search_paths import SearchPaths
-from ss2sql.runtime.sqlite.connections import READ_ERRORS, Authorizer, find_sqlite_run_error
+from ss2sql.runtime.sqlite.connections import CHECK_EVERY, READ_ERRORS, Authorizer, find_sqlite_run_error
 from ss2sql.runtime.sqlite.interning import TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
 from ss2sql.runtime.sqlite.list_elements import (
     ColumnsFor,
@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from ss2sql.vtables.reading import Readings, Snapshot
 
 NO_LIMIT = 2**40
-CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms
 NO_CALLS: Mapping[str, Sequence[Span]] = {}
 
 
@@ -116,16 +115,17 @@ class SqliteExecution:
 class Database:
     """The connection of a session with everything registered that lowered queries need."""
 
-    def __init__(self, connection: apsw.Connection, memo_limit: int, active_runs: Sequence[Run] = ()) -> None:
+    def __init__(self, connection: apsw.Connection, memo_limit: int, check_run: Callable[[], bool]) -> None:
         self.connection = connection
         self.guard = guard = Authorizer(connection)
-        self.active_runs = active_runs  # the runs of the session, the innermost last
+        self.check_run = check_run  # SQLite calls it every so often
         self.stack: list[SqliteExecution] = []
         self.lists = ListModules(connection, self._open_table, self._make_element_calls)
         self.search = SearchState()
         self.memos: dict[str, CallMemo] = {}  # of each function of the user, for the execution that runs
         self.memo_limit = memo_limit
         self.sql_callbacks: dict[str, FunctionCallback] = {}  # of each function of the user
+        self.registered: dict[str, UserFunction] = {}  # the same by their names in SQL
         for name, scalar in SCALAR_FUNCTIONS.items():
             guard.add_scalar(name, self._bind_interning(scalar))
         for name, factory in AGGREGATE_FUNCTIONS.items():
@@ -149,7 +149,7 @@ class Database:
         self.register_builtin("field", read_column)
         for name, same in (("eq", True), ("ne", False)):
             guard.add_scalar(name, self._make_equality(same))
-        connection.set_progress_handler(self._check_progress, CHECK_EVERY)
+        connection.set_progress_handler(self._check_search, CHECK_EVERY)
 
     @cached_property
     def worlds(self) -> WorldModules:
@@ -216,14 +216,18 @@ class Database:
         )
 
     def register_user(self, function: UserFunction, sql_name: str) -> None:
-        """A function of the user; see sql_functions.py."""
+        """Registers a function of the user, unless it is known. Raises apsw.BusyError if a statement calls another."""
+        if self.registered.get(sql_name) is function:
+            return
         memo = self.memos.setdefault(function.name, CallMemo(self.memo_limit))
+        called = function
         if function.vectorized:
             from ss2sql.runtime.run.calls import make_row_call_function
 
-            function = make_row_call_function(function)
-        caller = self.sql_callbacks[function.name] = FunctionCallback(function, memo, self.stack)
+            called = make_row_call_function(function)
+        caller = FunctionCallback(called, memo, self.stack)
         self.guard.add_scalar(sql_name, caller.call)
+        self.sql_callbacks[function.name], self.registered[sql_name] = caller, function
 
     def _open_table(self, name: str, arguments: tuple[Any, ...]) -> ElementColumns:
         execution = self.current
@@ -259,20 +263,15 @@ class Database:
             execution.elements[key] = found
         return found
 
-    def _check_progress(self) -> bool:
-        """Ends the run where it has to end. What is written into the file is written to its end."""
-        if self.connection.txn_state() == apsw.SQLITE_TXN_WRITE:
-            return False
-        if self.stack:
-            run = self.current.run
+    def _check_search(self) -> bool:
+        """Ends the run where it has to end, or its search has tried too many steps."""
+        if self.stack and self.connection.txn_state() != apsw.SQLITE_TXN_WRITE:
+            run, query = self.current.run, self.current.query
             if run.progress is not None:
                 run.progress.search = self.search
-            run.check()
-            if run.steps_left is not None and self.current.query is not None and self.current.query.search is not None:
+            if run.steps_left is not None and query is not None and query.search is not None:
                 run.check_steps(self.search.count_generated(self.current.book, self.current.results()))
-        elif self.active_runs:
-            self.active_runs[-1].check()
-        return False
+        return self.check_run()
 
     # --- execution -------------------------------------------------------------------------------------
 

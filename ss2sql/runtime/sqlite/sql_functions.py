@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from ss2sql.errors import Error, Stopped, note_place_on_exception
 from ss2sql.frontend.user_functions import UserFunction
-from ss2sql.language import plan
 from ss2sql.language.conversion import read_column
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS, OPERATIONS
@@ -24,7 +23,7 @@ from ss2sql.language.values import convert_value
 from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS
 from ss2sql.runtime.representations.shape import as_set
 from ss2sql.runtime.run.key_order import NUMBERS
-from ss2sql.runtime.run.run_state import FailedCall, keep_bounded
+from ss2sql.runtime.run.run_state import CarriedStopError, FailedCall, keep_bounded
 from ss2sql.runtime.sqlite.interning import Interning, OtherFormError
 from ss2sql.runtime.sqlite.list_elements import UNAMBIGUOUS_TYPES, ElementColumns, build_callback_columns
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
@@ -251,9 +250,6 @@ RESERVED_NAMES = SQLITE_FUNCTIONS | {
     *("expand", "next_number", "next_position", *SEARCH_FUNCTIONS),
 }
 
-# The built-in functions and operators as the plan knows them.
-BUILT_IN: Mapping[str, plan.Function] = {name: row.make_function() for name, row in OPERATIONS.items()}
-
 
 def choose_function_names(functions: Mapping[str, Any]) -> dict[str, str]:
     """SQL names for registered functions: their own, but apart where SQL sees no difference or needs the name.
@@ -284,10 +280,6 @@ def _shorten_sqlite_function(name: str) -> str:
 # Takes the arguments of several calls for Python code, and what gives them as SQL values; gives the calls' values.
 CallBlock: TypeAlias = Callable[[Iterable[tuple[Any, ...]], Callable[[], Iterable[tuple[Any, ...]]]], list[Any]]
 _MISSING = object()
-
-
-class CarriedStopError(Exception):
-    """A StopIteration of a function on its way through SQLite: by itself it would only end the walk over the rows."""
 
 
 class CallMemo:
