@@ -27,9 +27,9 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.operators import EXACT
-from ss2sql.language.plan_traversal import is_column_query, is_exists, walk
+from ss2sql.language.plan_traversal import is_column_query, is_exists
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.guards import can_be_parameter
+from ss2sql.lowering.guards import can_be_parameter, is_costly
 from ss2sql.lowering.rewrites.rewrite_context import PLAIN_READS
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import EqualValueEncoding, ListEncoding, PointSetEncoding
@@ -243,14 +243,10 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlSco
 
 def _can_test_one_by_one(item: plan.Expr, items: plan.MakeList) -> bool:
     """Whether nobody notices how often these are read, and SQLite's own equality is the language's."""
-    called = any(
-        isinstance(node, plan.Subquery) or (isinstance(node, plan.Call) and not node.function.builtin)
-        for node in walk(items)
-    )
     return (
         bool(items.items)
         and isinstance(item, PLAIN_READS)
-        and not called
+        and not is_costly(items)
         and all(have_same_storage_class(item.type, one.type, none=True) for one in items.items)
     )
 
@@ -280,7 +276,7 @@ def _lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlS
     if listed is not None:
         assert isinstance(items, plan.Subquery)
         found = lowering.lower_unordered(items, scope, lambda inner: lowering.lower_expr(listed, inner))
-        test = exp.In(this=this, query=sql_builder.scalar(found))
+        test = exp.In(this=this, query=exp.Subquery(this=found))
     elif isinstance(items, plan.Constant) and len(items.value) <= MAX_WRITTEN_MEMBERS:
         written = [lowering.lower_constant(plan.Constant(value, known, span=items.span)) for value in items.value]
         test = exp.In(this=this, expressions=written)
@@ -288,9 +284,8 @@ def _lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlS
         label = lowering.needs.choose_label("members")
         members = lowering.lower_expr(items, scope)
         walked = sql_builder.table_function(lowering.needs.name_elements_table(()), [members], label)
-        test = exp.In(
-            this=this, query=sql_builder.scalar(sql_builder.select([sql_builder.column("this", label)], [walked]))
-        )
+        listed_once = sql_builder.select([sql_builder.column("this", label)], [walked])
+        test = exp.In(this=this, query=exp.Subquery(this=listed_once))
     return test if call.function.name == "in" else exp.Not(this=exp.Paren(this=test))
 
 

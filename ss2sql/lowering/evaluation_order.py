@@ -31,9 +31,8 @@ from ss2sql.language.plan_traversal import (
     list_states,
     reads_outside,
     split_and,
-    walk,
 )
-from ss2sql.lowering.guards import is_free, is_sql_constant, iterate_certain_parts
+from ss2sql.lowering.guards import is_costly, is_free, is_sql_constant, iterate_certain_parts
 from ss2sql.lowering.sqlite_forms import have_same_storage_class
 
 INDEXABLE_OPERATORS = frozenset({"item", "slice", "add", "sub", "mul", "div", "mod", "pow", "neg"})
@@ -202,18 +201,10 @@ class EvaluationOrder:
 
     def _hoist(self, expr: plan.Expr, level: int, guarded: int, found: dict[plan.Expr, int]) -> None:
         """Finds what of an expression that is certainly evaluated at this level can be from an earlier one on."""
-        if expr in found or not _is_costly(expr):
+        if expr in found or not is_costly(expr):
             return
         own = min(level, max(self.count_sources(expr), guarded))
         for part in iterate_certain_parts(expr):
             self._hoist(part, own, guarded, found)
         if own < level:
             found[expr] = own
-
-
-def _is_costly(expr: plan.Expr) -> bool:
-    """Whether keeping the value is worth a column: calls of user functions, and queries."""
-    return any(
-        isinstance(node, plan.Subquery) or (isinstance(node, plan.Call) and not node.function.builtin)
-        for node in walk(expr)
-    )

@@ -227,7 +227,7 @@ class FlatLowering:
             )
             if select.args.get("limit") is None:
                 sql_builder.sort_query(select, (), sql_builder.number(1))
-            return sql_builder.scalar(select)
+            return exp.Subquery(this=select)
         # An aggregate of SQL belongs to the innermost query whose columns it mentions, so it must mention this one's.
         own = {source.id for source in query.sources}
         simple = any(list_sources(output.expr) & own for output in query.columns)
@@ -237,7 +237,7 @@ class FlatLowering:
             flat = self.lower_from_and_where(query, scope)
             values = self.lower_columns(query, flat.scope, [None] * len(query.columns), boxed=True)
             collected = self._collect_values(query, values)
-            return sql_builder.scalar(sql_builder.select([collected], flat.items, sql_builder.conjunction(flat.terms)))
+            return exp.Subquery(this=sql_builder.select([collected], flat.items, sql_builder.conjunction(flat.terms)))
         label = self.needs.choose_label("results")
         select = self.lower_derived(query, scope)
         columns: list[Node] = []
@@ -246,8 +246,8 @@ class FlatLowering:
         ):
             node: Node = sql_builder.column(name_, label)
             columns.append(self.expressions.box_flag(node) if is_flag(output.expr.type) else node)
-        return sql_builder.scalar(
-            sql_builder.select([self._collect_values(query, columns)], [sql_builder.derived(select, label)])
+        return exp.Subquery(
+            this=sql_builder.select([self._collect_values(query, columns)], [sql_builder.derived(select, label)])
         )
 
     def lower_unordered(self, query: plan.Query, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:

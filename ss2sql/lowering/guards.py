@@ -46,6 +46,14 @@ def can_be_parameter(expr: plan.Expr) -> bool:
     return is_sql_constant(expr) and is_free(expr)
 
 
+def is_costly(node: object) -> bool:
+    """Whether evaluating it is worth to be saved: it calls a function of the user, or evaluates a query."""
+    return any(
+        isinstance(part, plan.Subquery) or (isinstance(part, plan.Call) and not part.function.builtin)
+        for part in walk(node)
+    )
+
+
 def list_free_parts(clause: plan.Expr | None, kind: type[plan.And | plan.Or]) -> list[plan.Expr]:
     """The parts of a conjunction or disjunction that may be evaluated before the others."""
     parts = clause.parts if isinstance(clause, kind) else (clause,)

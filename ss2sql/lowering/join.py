@@ -287,7 +287,7 @@ class JoinBuilder:
                 break
         item = self.translate_outward(item)
         found = self._look_up_source(inner, item, on, on)
-        self.items.append(sql_builder.left_joined(found or item, on))
+        self.items.append(exp.Join(this=found or item, side="LEFT", on=sql_builder.conjunction(on)))
         self.optional.add(item.alias_or_name)
 
     def _lower_free(self, condition: Condition) -> Node:

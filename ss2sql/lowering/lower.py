@@ -87,9 +87,7 @@ def lower(
 
         snapshot = plan_snapshot((query,))
     if shown_late:
-        select = sql_builder.replace_outputs(
-            select, [_lower_key_column(query, key, node) for key, node in shown_late.items()]
-        )
+        select.set("expressions", [_lower_key_column(query, key, node) for key, node in shown_late.items()])
         read_late = plan_late_columns(query, tuple(shown_late))
         needs.applied["late"] = None
     if query.search is None and (

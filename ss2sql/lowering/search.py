@@ -18,7 +18,7 @@ from sqlglot import exp
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import is_flag
-from ss2sql.language.plan_traversal import find_direct_assignments, has_query, list_states, walk
+from ss2sql.language.plan_traversal import find_direct_assignments, has_query, list_states
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering, lower_aggregate_inputs, lower_group_inputs
 from ss2sql.lowering.from_clause import add_call_columns, find_element_calls
@@ -84,11 +84,6 @@ class EagerSearch(RecursiveQuery):
     def most(self) -> int:
         """The greatest weight of a step that is not checked."""
         return 1 if self.search.order == "probability" else MAX_WEIGHT
-
-    @property
-    def weight_calls_functions(self) -> bool:
-        """Whether COST, PROBABILITY or HEURISTIC call functions of the user; repeated rows are then tested before."""
-        return bool(_find_user_calls(self.search.weight) or _find_user_calls(self.search.heuristic))
 
     @property
     def all_results(self) -> bool:
@@ -367,9 +362,3 @@ class EagerSearch(RecursiveQuery):
         tests += still
         table = sql_builder.table(self.table, self.table)
         return sql_builder.select(shown, [table], sql_builder.conjunction(tests), limit=self.write_limit())
-
-
-def _find_user_calls(clause: object) -> list[plan.Call]:
-    if clause is None:
-        return []
-    return [node for node in walk(clause) if isinstance(node, plan.Call) and not node.function.builtin]

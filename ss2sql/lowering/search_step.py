@@ -25,7 +25,7 @@ from ss2sql.language.kinds import Kind, Type, can_be_equal, is_flag
 from ss2sql.language.plan_traversal import is_volatile, join_conditions, list_sources, split_and
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import get_equality_sides
-from ss2sql.lowering.guards import is_free, list_free_parts
+from ss2sql.lowering.guards import is_costly, is_free, list_free_parts
 from ss2sql.lowering.sql_builder import Node, negate
 from ss2sql.lowering.sqlite_expressions import SqlScope
 
@@ -128,7 +128,8 @@ class SearchStep:
         if name == "on_path":
             arguments.append(self.parent.copy())
         elif self.of.total is not None:
-            if not self.of.weight_calls_functions:
+            weights = (self.search.weight, self.search.heuristic)
+            if not any(clause is not None and is_costly(clause) for clause in weights):
                 return []
             arguments.append(self.of.rank_total(self.of.column(self.of.total)))
         if self.first and name in ("on_path", "closed") and not self.of.keyed:
@@ -162,9 +163,9 @@ class SearchStep:
         """The columns of the recursive table."""
         of = self.of
         carried: dict[str | None, Node] = {"step": self._number_step(), "parent": self.parent}
-        carried[of.depth] = (
-            sql_builder.number(1) if self.first else _add_sql_terms(of.column(of.depth or ""), sql_builder.number(1))
-        )
+        if of.depth is not None:
+            one = sql_builder.number(1)
+            carried[of.depth] = one if self.first else sql_builder.binary(exp.Add, of.column(of.depth), one)
         if of.goal is not None:
             carried[of.goal] = self.lower_goal()
         if of.continues_column is not None:
@@ -180,29 +181,26 @@ class SearchStep:
                     else negate(self.lower_stop())
                 )
         if of.waits is not None:
-            carried[of.waits] = self._write_waiting_flag()
+            carried[of.waits] = sql_builder.number(0) if self.query.where is None else negate(self.lower_goal())
         if of.total is not None:
             carried[of.total] = self.lower_total()
         if of.estimate is not None:
-            goal = None if self.query.where is None else self.lower_goal()
-            zero = sql_builder.number(0)
-            carried[of.estimate] = zero if goal is None else sql_builder.case([(goal, zero)], self.lower_estimate())
+            carried[of.estimate] = self._choose_by_goal(sql_builder.number(0), self.lower_estimate())
             if of.rank is not None:
-                later = _add_sql_terms(self.lower_total(), self.lower_estimate())
-                carried[of.rank] = (
-                    self.lower_total() if goal is None else sql_builder.case([(goal, self.lower_total())], later)
-                )
+                later = sql_builder.binary(exp.Add, self.lower_total(), self.lower_estimate())
+                carried[of.rank] = self._choose_by_goal(self.lower_total(), later)
             if of.later is not None:
                 # Only a goal waits twice, and needs the estimate when it has come out.
                 estimate = self.lower_estimate()
-                if of.admits_stopping_goals and self._can_estimate_fail():
+                heuristic = self.search.heuristic
+                checked = heuristic is not None and not is_within_bound(heuristic.type, of.most)
+                if of.admits_stopping_goals and (checked or not is_free(heuristic)):
                     estimate = self._write_null_if_stopped(estimate, sql_builder.number(0))
-                carried[of.later] = (
-                    estimate if goal is None else sql_builder.case([(goal, estimate)], sql_builder.null())
-                )
+                carried[of.later] = self._choose_by_goal(estimate, sql_builder.null())
         for name, key in zip(of.siblings, self.search.siblings, strict=True):
             carried[name] = self.expressions.lower_expr(key.expr, self.scope)
-        for name, node in zip(of.variables, self._build_next_state(), strict=True):
+        for name in of.variables:
+            node = self.next[(self.query.id, name)].copy()
             anyway = name not in of.assigned or of.can_assign_when_stopped(name)
             carried[of.states[name]] = node if anyway else self._write_null_if_stopped(node, sql_builder.null())
         for name, short in of.before.items():
@@ -223,12 +221,9 @@ class SearchStep:
         row = self.lower_row() if number == "enter" or self.of.keyed else []
         return sql_builder.call(number, self.parent.copy(), *rank, *row)
 
-    def _write_waiting_flag(self) -> Node:
-        """0 for a goal."""
-        return sql_builder.number(0) if self.query.where is None else negate(self.lower_goal())
-
-    def _build_next_state(self) -> list[Node]:
-        return [self.next[(self.query.id, name)].copy() for name in self.of.variables]
+    def _choose_by_goal(self, then: Node, otherwise: Node) -> Node:
+        """One value for goals, another one for other steps; without WHERE each step is a goal."""
+        return then if self.query.where is None else sql_builder.case([(self.lower_goal(), then)], otherwise)
 
     def _write_null_if_stopped(self, node: Node, otherwise: Node) -> Node:
         return sql_builder.case([(self.lower_stop(), otherwise)], node)
@@ -243,10 +238,6 @@ class SearchStep:
     def lower_estimate(self) -> Node:
         assert self.search.heuristic is not None
         return self._lower_checked(self.search.heuristic, "step_heuristic")
-
-    def _can_estimate_fail(self) -> bool:
-        heuristic = self.search.heuristic
-        return heuristic is not None and not (is_free(heuristic) and is_within_bound(heuristic.type, self.of.most))
 
     def _lower_checked(self, expr: plan.Expr, check: str) -> Node:
         node = self.expressions.lower_expr(expr, self.scope)
@@ -310,10 +301,6 @@ def are_exclusive(one: plan.Expr, other: plan.Expr) -> bool:
 def is_within_bound(kind: Type, most: float) -> bool:
     """Whether the type promises numbers from 0 to `most`; a bool among other values is a handle."""
     return (kind.is_only(Kind.INT | Kind.FLOAT) or is_flag(kind)) and kind.is_at_least(0) and kind.is_bounded(most)
-
-
-def _add_sql_terms(left: Node, right: Node) -> Node:
-    return sql_builder.binary(exp.Add, left, right)
 
 
 # --- `lookup`: what a step of a search must equal lest it leaves no trace is looked up, not found by going through al

@@ -207,11 +207,6 @@ def named(node: Node, name: str | None) -> Node:
     return node if name is None or (isinstance(node, exp.Column) and node.name == name) else alias(node, name)
 
 
-def scalar(select: exp.Query) -> exp.Subquery:
-    """A query in parentheses."""
-    return exp.Subquery(this=select)
-
-
 def table(name: str, label: str, schema: str | None = None) -> exp.Table:
     """`schema.name AS label`."""
     short = label == name and schema is None
@@ -225,11 +220,6 @@ def table(name: str, label: str, schema: str | None = None) -> exp.Table:
 def table_function(name: str, arguments: Sequence[Node], label: str) -> exp.Table:
     """`name(arguments) AS label`."""
     return exp.Table(this=call(name, *arguments), alias=exp.TableAlias(this=identifier(label)))
-
-
-def left_joined(item: Node, on: Sequence[Node]) -> exp.Join:
-    """`LEFT JOIN item ON ...`."""
-    return exp.Join(this=item, side="LEFT", on=conjunction(on))
 
 
 def derived(select: exp.Query, label: str) -> exp.Subquery:
@@ -262,13 +252,6 @@ def select(
     if where is not None:
         query.set("where", exp.Where(this=where))
     return sort_query(query, order, limit, offset)
-
-
-def replace_outputs(select: exp.Select, outputs: Sequence[Node]) -> exp.Select:
-    """A copy of a SELECT with other columns."""
-    changed = select.copy()
-    changed.set("expressions", list(outputs))
-    return changed
 
 
 def sort_key(node: Node) -> Node:

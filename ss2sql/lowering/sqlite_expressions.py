@@ -57,7 +57,7 @@ def lower_function_of_rows(lowering: ExpressionLowering, call: plan.Call, scope:
             if aggregate is None:
                 node = lowering.call_python(call, scope)
             else:
-                node = sql_builder.scalar(lowering.lower_unordered(inner, scope, aggregate))
+                node = exp.Subquery(this=lowering.lower_unordered(inner, scope, aggregate))
             return lower_memoized_reduction(lowering, call, node, scope) if has_constant_source(query) else node
         case _:
             return None

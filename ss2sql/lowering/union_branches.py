@@ -26,7 +26,8 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR, Kind, is_flag, type_of
 from ss2sql.language.plan_traversal import list_sources, rebuild_node, split_and, walk
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.rewrites.rewrite_context import make_call
+from ss2sql.lowering.guards import is_costly
+from ss2sql.lowering.rewrites.rewrite_context import list_items, make_call
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sqlite_expressions import ExpressionLowering, Reader, SqlScope
 
@@ -187,12 +188,8 @@ def find_union_branches(query: plan.Query) -> UnionBranches | None:
         return None
     if not isinstance(source, plan.ValueSource):
         return None
-    items = (
-        _list_branch_values(query, source.value)
-        if isinstance(source.value, plan.Constant)
-        else _get_list_elements(source.value)
-    )
-    if not items or len(items) > MAX_BRANCHES or any(_calls_user_code(item) for item in items):
+    items = _list_branch_values(query, source.value)
+    if not items or len(items) > MAX_BRANCHES or any(map(is_costly, items)):  # every clause would evaluate them
         return None
     if all(item.type.is_only(SCALAR) for item in items):
         return UnionBranches(source, items, None)
@@ -204,24 +201,12 @@ def find_union_branches(query: plan.Query) -> UnionBranches | None:
     return None if len(source.element.positions or ()) != size else UnionBranches(source, items, size)
 
 
-def _get_list_elements(value: plan.Expr) -> tuple[plan.Expr, ...]:
-    return value.items if isinstance(value, plan.MakeList) else ()
-
-
-def _list_branch_values(query: plan.Query, value: plan.Constant) -> tuple[plan.Expr, ...]:
-    """Those of a literal of a few numbers, which is a constant; a function that takes one is called with the list."""
-    items = value.value
-    few = type(items) is list and len(items) <= MAX_NUMBERS and all(type(item) in (int, float) for item in items)
-    if not few or _calls_user_code(query):
-        return ()
-    return tuple(plan.Constant(item, type_of(item), span=value.span) for item in items)
-
-
-def _calls_user_code(item: plan.Expr | plan.Query) -> bool:
-    """Whether an item calls a function of the user, or evaluates a query: every clause would do so."""
-    return any(
-        isinstance(n, plan.Subquery) or (isinstance(n, plan.Call) and not n.function.builtin) for n in walk(item)
-    )
+def _list_branch_values(query: plan.Query, value: plan.Expr) -> tuple[plan.Expr, ...]:
+    """The items of a list that is written out; of a constant one if they are a few numbers, not for a function."""
+    items = list_items(value)
+    numbers = all(item.type.is_only(Kind.INT | Kind.FLOAT) for item in items)
+    few = len(items) <= MAX_NUMBERS and numbers and not is_costly(query)
+    return items if isinstance(value, plan.MakeList) or few else ()
 
 
 def lower_parts_as_list(expressions: ExpressionLowering, parts: list[tuple[Node, plan.Column]]) -> Node:

@@ -18,7 +18,6 @@ from ss2sql.language.operations.lists import are_of_one_kind
 from ss2sql.language.plan_traversal import list_sources, list_states, walk, walk_own
 from ss2sql.lowering.flat import is_sortable
 from ss2sql.lowering.sql_query import can_be_literal
-from ss2sql.lowering.strategies import REPEAT_RULES
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")
 MAX_SOURCES = 60  # SQLite joins at most 64 tables
@@ -51,8 +50,8 @@ def _if_output(test: Callable[[plan.Output], object]) -> FindPlaces:
     return lambda query: (output.expr.span for output in query.columns if test(output))
 
 
-def _find_nested_order(query: plan.Query) -> Iterator[Span]:
-    return (key.expr.span for key in query.order if not is_sortable(key.expr.type))
+def _find_unsortable(query: plan.Query) -> list[Span]:
+    return [key.expr.span for key in query.order if not is_sortable(key.expr.type)]
 
 
 def _find_nested_limit(query: plan.Query) -> Iterator[Span]:
@@ -63,11 +62,6 @@ def _find_nested_limit(query: plan.Query) -> Iterator[Span]:
         reads_rows = list_sources(limit) or list_states(limit)
         if not is_count or reads_rows or any(isinstance(node, plan.GroupKey) for node in walk(limit)):
             yield limit.span
-
-
-def _find_nested_labels(query: plan.Query) -> Iterator[Span]:
-    """Of a query that is the statement the representation names columns row by row."""
-    return iter([query.span] if query.representation.labels else [])
 
 
 def _find_grouped_search(query: plan.Query) -> Iterator[Span]:
@@ -98,20 +92,8 @@ def _find_unlowered_groups(query: plan.Query) -> Iterator[Span]:
     return (key.span for key in query.group if query.aggregated and not are_of_one_kind(key.type))
 
 
-def _find_unlowered_orders(query: plan.Query) -> Iterator[Span]:
-    return (key.expr.span for key in query.order if query.aggregated and not is_sortable(key.expr.type))
-
-
-def _find_unlowered_aggregates(query: plan.Query) -> Iterator[Span]:
-    return iter(_if_node(plan.Aggregate, test=_is_unlowered_aggregate)(query) if query.aggregated else ())
-
-
 def _is_unlowered_aggregate(node: plan.Aggregate) -> bool:
     return bool(node.argument and node.function != "collect" and not GROUPS[node.function].in_sql(node.argument.type))
-
-
-def _is_left_joined(source: plan.Source) -> bool:
-    return isinstance(source, plan.QuerySource) and source.optional
 
 
 # How a rule says that only Python does it, where there is nothing that a user could write instead.
@@ -120,7 +102,7 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "MEMORIZE builds a graph in memory",
         f"use NO CYCLE, or {_LEAVE}",
-        _if_query(lambda query: query.search and not REPEAT_RULES[query.search.repeats].lowered),
+        _if_query(lambda query: query.search and query.search.repeats == "memorize"),
     ),
     Rule(
         "the query assigns a script variable",
@@ -159,7 +141,7 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "an inner ORDER BY over values of several kinds",
         "sort by numbers or strings alone",
-        _find_nested_order,
+        _find_unsortable,
         nested=True,
     ),
     Rule(
@@ -177,7 +159,12 @@ RULES: tuple[Rule, ...] = (
         _if_output(lambda output: not can_be_literal(output.name)),
         nested=True,
     ),
-    Rule("names of columns that a representation gives", "name the columns", _find_nested_labels, nested=True),
+    Rule(
+        "names of columns that a representation gives",  # which of a statement names them row by row
+        "name the columns",
+        _if_query(lambda query: query.representation.labels),
+        nested=True,
+    ),
     Rule(
         "a column name that is computed",
         "write the name itself in to(expr, name)",
@@ -192,8 +179,16 @@ RULES: tuple[Rule, ...] = (
         lambda query: [query.having.span] if query.having is not None and not query.aggregated else [],
     ),
     Rule("groups over values of several kinds", "group by integers or strings", _find_unlowered_groups),
-    Rule("groups in the order of values of several kinds", "order by float(...) or str(...)", _find_unlowered_orders),
-    Rule("an aggregate of values of several kinds", "make them numbers: min(float(...))", _find_unlowered_aggregates),
+    Rule(
+        "groups in the order of values of several kinds",
+        "order by float(...) or str(...)",
+        lambda query: _find_unsortable(query) if query.aggregated else [],
+    ),
+    Rule(
+        "an aggregate of values of several kinds",
+        "make them numbers: min(float(...))",
+        _if_node(plan.Aggregate, test=_is_unlowered_aggregate),
+    ),
     Rule(
         "DISTINCT of whole paths",
         "take DISTINCT out, and write uniq(...) around the query",
@@ -202,7 +197,7 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "LEFT JOIN in a search",
         _LEAVE,
-        lambda query: (s.span for s in query.sources if query.search is not None and _is_left_joined(s)),
+        lambda query: (one.span for one in query.sources if query.search and getattr(one, "optional", False)),
     ),
     Rule(
         "a function of the values of a group, in their order",  # SQL promises none
