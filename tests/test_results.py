@@ -44,6 +44,30 @@ def test_copies_have_what_was_found(ss: ss2sql.Session, engine: Any, script: str
     assert "the run: complete" in str(copied.explain())
 
 
+@pytest.mark.parametrize("copy_result", [lambda result: result, lambda result: pickle.loads(pickle.dumps(result))])
+def test_rows_are_read_by_place_and_by_name(ss: ss2sql.Session, engine: Any, copy_result: Any) -> None:
+    ss.set("xs", [{"a": 1, "b": "x"}, {"a": 2.5, "b": None}])
+    result = copy_result(ss.run("SELECT a, b, [a] AS count FROM xs AS list;", engine=engine))
+    assert (result[0], result[-1].a, result[1]["b"], result[0]["count"]) == ((1, "x", [1]), 2.5, None, [1])
+    assert result[1:] == result.fetchall()[1:] == [(2.5, None, [2.5])]
+    assert pickle.loads(pickle.dumps(result[0])).b == copy.copy(result[0])["b"] == "x"
+    assert result.to_dicts() == [{"a": 1, "b": "x", "count": [1]}, {"a": 2.5, "b": None, "count": [2.5]}]
+    assert result.types == ("int or float", "none or str", "list of int or float")
+    with pytest.raises(AttributeError, match="no column 'c'; the columns are a, b, count"):
+        _ = result[0].c
+    with pytest.raises(KeyError, match="no column 'c'"):
+        result[0]["c"]
+    for where, number in (("a == 0", 0), ("a > 0", 2)):
+        with pytest.raises(ss2sql.RepresentationError, match=f"one row, and there are {number}"):
+            ss.run(f"SELECT a FROM xs WHERE {where};", engine=engine).one()
+    assert ss.run("SELECT count(*) AS n FROM xs;", engine=engine).one().n == 2
+    steps = ss.run(f"{GOALS};", engine=engine)
+    assert steps[:3] == list(steps)[:3]
+    assert steps[0].step == 1
+    assert steps.types[:2] == ("int", "int")
+    assert ss.run("[1];").one() == ([1],)
+
+
 def test_representations_of_the_user(ss: ss2sql.Session, engine: Any) -> None:
     @ss.representation("Grid")
     def grid(table, scale, offset=0):

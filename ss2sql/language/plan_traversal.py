@@ -323,15 +323,15 @@ def format_plan(program: plan.Program) -> str:
     return "\n".join(lines) + "\n"
 
 
-def format_type(kind: Type) -> str:
+def format_type(kind: Type, bounds: bool = True) -> str:
     """A type in a few words: `int 1..7`, `str or none`, `list of int`, `any`."""
     if kind.kinds == Kind.ANY:
         return "any"
     names = [(member.name or "").lower() for member in Kind if kind.may_be(member) and member.name in _SINGLE]
     text = " or ".join(names) or "nothing"
     if kind.element is not None and kind.kinds == Kind.LIST:
-        text += f" of {format_type(kind.element)}"
-    if kind.low is not None and kind.high is not None and kind.kinds != Kind.BOOL:
+        text += f" of {format_type(kind.element, bounds)}"
+    if bounds and kind.low is not None and kind.high is not None and kind.kinds != Kind.BOOL:
         text += f" {kind.low}..{kind.high}"
     return text
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import RepresentationError, require_package
 from ss2sql.language.cancellation import iterate_with_check
-from ss2sql.language.kinds import ANY, INT, Kind, Type, is_encodable
+from ss2sql.language.kinds import ANY, Kind, Type, is_encodable
 from ss2sql.language.values import format_value
 from ss2sql.results import get_all_result_rows, get_result_rows
 
@@ -38,11 +38,8 @@ def read_result_columns(result: Result) -> list[tuple[str, list[Any], Type]]:
     """The columns with their values, and the types that the plan promises where there are none."""
     rows = get_all_result_rows(result)
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
-    types = {} if result.answer is None else result.answer.types
-    own = result.columns if result.answer is None else result.answer.rows.columns
-    numbers = [INT] * (len(result.columns) - len(own))  # the path and the step, of a search
-    promised = [*numbers, *(types.get(name) or ANY for name in own)]
-    return [(name, list(values), kind) for name, values, kind in zip(result.columns, parts, promised, strict=True)]
+    columns = zip(result.columns, parts, result.promised_types, strict=True)
+    return [(name, list(values), kind) for name, values, kind in columns]
 
 
 def to_pandas(result: Result) -> Any:

@@ -7,14 +7,15 @@ from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, overload
 
-from ss2sql.errors import NOWHERE, SessionError, Stopped
+from ss2sql.errors import NOWHERE, RepresentationError, SessionError, Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.cancellation import Check, iterate_with_check
-from ss2sql.language.kinds import Type
-from ss2sql.language.rows import Row, Rows, iterate_checked_paths, make_row_class, make_unique_name
+from ss2sql.language.kinds import ANY, INT, Type
+from ss2sql.language.plan_traversal import format_type
+from ss2sql.language.rows import NamedRow, Row, Rows, iterate_checked_paths, make_row_class, make_unique_name
 from ss2sql.language.values import copy_for_python
 from ss2sql.lowering.sql_query import Sql, SqlQuery, join_sql
 from ss2sql.results import copy_result_row, get_result_rows
@@ -168,6 +169,7 @@ class Result:
         So `explain` of it tells of the run alone.
         """
         state = {**vars(self), "outline": (), "sql": self.sql}
+        state.pop("_rows_read", None)
         if self.answer is not None:
             answer, value = self.answer, self.value
             rows = replace(answer.rows, paths=None if answer.rows.paths is None else self.paths)
@@ -222,9 +224,50 @@ class Result:
             stopped.partial = replace(self, given_value=None, status=stopped.status, answer=found)
             raise
 
-    def __iter__(self) -> Iterator[Row]:
-        """The rows as tuples. They know the names of the columns, so that `pandas.DataFrame(result)` has them."""
+    def __iter__(self) -> Iterator[NamedRow]:
+        """The rows as tuples, whose values are also found by the names of the columns: `row["x"]`, `row.x`."""
         return map(make_row_class(self.columns), get_result_rows(self))
+
+    @overload
+    def __getitem__(self, place: int) -> NamedRow: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[NamedRow]: ...
+    def __getitem__(self, place: int | slice) -> NamedRow | list[NamedRow]:
+        """The row at a place, or those of a slice; all rows are read once for it."""
+        return self._rows_read[place]
+
+    @cached_property
+    def _rows_read(self) -> list[NamedRow]:
+        return list(self)
+
+    def fetchall(self) -> list[NamedRow]:
+        """All rows, as iteration gives them."""
+        return list(self)
+
+    def one(self) -> NamedRow:
+        """The only row. Raises RepresentationError V001 where there is none, or more than one."""
+        if len(self) != 1:
+            hint = "LIMIT 1 keeps the first row; result[0] is the first row of many"
+            raise RepresentationError("V001", f"one() wants one row, and there are {len(self)}", hints=(hint,))
+        return self[0]
+
+    def to_dicts(self) -> list[dict[str, Any]]:
+        """The rows as dicts by the names of the columns."""
+        return [dict(zip(self.columns, row, strict=True)) for row in get_result_rows(self)]
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """What the script promises of each of `columns`: `int`, `none or str`, `list of float`, `any`."""
+        return tuple(format_type(kind, bounds=False) for kind in self.promised_types)
+
+    @property
+    def promised_types(self) -> tuple[Type, ...]:
+        """The same as types of the plan."""
+        if self.answer is None:
+            return (ANY,)
+        own = self.answer.rows.columns
+        numbers = [INT] * (len(self.columns) - len(own))  # the path and the step, of a search
+        return (*numbers, *(self.answer.types.get(name) or ANY for name in own))
 
     def __len__(self) -> int:
         if self.answer is None:
