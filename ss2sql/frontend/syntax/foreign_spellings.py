@@ -7,40 +7,8 @@ from collections.abc import Callable
 
 from ss2sql.errors import ParseError
 from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, VALUES, ParseFailure, spell
-from ss2sql.frontend.syntax.tokenizer import CLOSING, CONTEXTUAL, END, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, END, OPENING, OPTIONS, Token, shorten_text
 from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
-
-_FUNCTION = "functions are written in Python, and session.function(f) registers them"
-_ASSIGN = "an assignment has no word in front: {found} = ..."
-
-# Words at the beginning of a statement, and what to write; {found} is the text after the word.
-_FIRST = {
-    "FOR": "a loop is a query: SELECT ... FROM {found} = list",
-    "WHILE": "a loop that goes on is a search: START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 9",
-    "DEF": _FUNCTION, "FUNCTION": _FUNCTION, "CLASS": _FUNCTION, "IMPORT": _FUNCTION,
-    "RETURN": "the value of a script is that of its last statement: write {found} alone",
-    "LET": _ASSIGN, "VAR": _ASSIGN, "CONST": _ASSIGN, "SET": _ASSIGN, "DECLARE": _ASSIGN,
-    "DEL": "variables stay; clear() forgets all of them",
-}  # fmt: skip
-
-
-def _explain_python_for(t: ParseFailure) -> ParseError | None:
-    """`for x in nums: ...`, `let x = 5`, `import math`."""
-    word = t.peek()
-    upper = word.text.upper()
-    if word.kind != "NAME" or t.peek(2).kind != ";" or t.bracket or upper not in _FIRST:
-        return None
-    if t.found.kind not in VALUES and t.found.kind not in OPENING and t.found.kind != "-":
-        return None
-    hint = _FIRST[upper].format(found=t.cut_text(t.found.start, t.found.end))
-    return t.explain("P006", f"there is no {word.text} in SelectScript", hint, at=word)
-
-
-def _explain_lambda(t: ParseFailure) -> ParseError | None:
-    word = t.peek()
-    if word.text == "lambda" and t.values[-1:] == [word]:
-        return t.explain("P006", "there is no lambda in SelectScript", _FUNCTION, at=word)
-    return None
 
 
 def _explain_comprehension(t: ParseFailure) -> ParseError | None:
@@ -83,6 +51,7 @@ def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
 
 # --- spellings of SQL, and of other languages, that SelectScript writes differently: each error shows the right form
 _JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
+_FUNCTION = "functions are written in Python, and session.function(f) registers them"
 _LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
 _IF = "write IF(condition; then; else)"
 
@@ -112,13 +81,22 @@ _POSTFIX_HINTS = {
     "ASCENDING": "write ASC", "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
     **{word: f"write {form.format('(SELECT ... AS list)', '(SELECT ... AS list)')}" for word, form in _SETS.items()},
 }  # fmt: skip
-# Words that were read as a name before something that does not fit.
+# Words that were read as a name before something that does not fit, here {x}, and what to write.
 _PREFIX_HINTS = {
     "CONNECT_BY_ROOT": "write root({x})", "ALL": "leave it out: a query gives all rows",
     "TOP": "write LIMIT n after the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
-    "PRIOR": "write prior(x): PRIOR stands in front of a name",
+    "PRIOR": "write prior(x): PRIOR stands in front of a name", "LAMBDA": _FUNCTION,
     "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
 }  # fmt: skip
+# The same at the beginning of a statement, before a value.
+_FIRST_HINTS = {
+    "FOR": "a loop is a query: SELECT ... FROM {x} = list",
+    "WHILE": "a loop that goes on is a search: START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 9",
+    "RETURN": "the value of a script is that of its last statement: write {x} alone",
+    "DEL": "variables stay; clear() forgets all of them",
+    **dict.fromkeys(("DEF", "FUNCTION", "CLASS", "IMPORT"), _FUNCTION),
+    **dict.fromkeys(("LET", "VAR", "CONST", "SET", "DECLARE"), "an assignment has no word in front: {x} = ..."),
+}
 _TESTED = frozenset(("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN"))  # where a condition stands
 _WRITING = frozenset((
     "INSERT", "UPDATE", "DELETE", "CREATE", "DROP", "ALTER", "REPLACE", "ATTACH", "DETACH", "PRAGMA", "BEGIN", "COMMIT",
@@ -173,16 +151,8 @@ def _explain_concatenation(t: ParseFailure) -> ParseError | None:
 
 def _stands_beside_comparison(t: ParseFailure, step: int) -> bool:
     """Whether a comparison stands before the sign that does not fit (`step` is -1) or after it (1), up to AND or OR."""
-    index, depth = t.index + step, 0
-    while 0 <= index < len(t.tokens):
-        token = t.tokens[index]
-        depth += ((token.kind in OPENING) - (token.kind in CLOSING)) * step
-        if not depth and (token.keyword or token.kind) in COMPARISONS:
-            return True
-        if depth < 0 or (not depth and ((token.keyword or token.kind) in AROUND or token.text == "||")):
-            return False
-        index += step
-    return False
+    token = t.tokens[t.find_outside(t.index + step, step, AROUND | COMPARISONS | {"OTHER"})]
+    return (token.keyword or token.kind) in COMPARISONS
 
 
 def _explain_is(t: ParseFailure) -> ParseError | None:
@@ -211,8 +181,7 @@ def _explain_cast(t: ParseFailure) -> ParseError | None:
         cure = f"write {value.strip().lower()}({kind}({t.read_next_side()}))"
         return t.explain("P006", "FROM stands in a query alone", cure)
     if t.found.kind == "," and value.split()[:1] == ["DISTINCT"]:
-        rest = t.cut_text(t.found.end, next(token.start for token in t.tokens[t.index :] if token.kind in (")", END)))
-        columns = f"[{value.strip()[8:].strip()}, {rest.strip()}]"
+        columns = f"[{value.strip()[8:].strip()}, {shorten_text(t.read_until(t.index + 1))}]"
         return t.explain("P006", "DISTINCT counts one value of a row", f"write count(DISTINCT {columns})")
     if t.found.kind != "AS":
         return None
@@ -244,28 +213,20 @@ def _explain_set_operation(t: ParseFailure) -> ParseError | None:
 
 def _split_set_operations(t: ParseFailure) -> tuple[list[str], list[str], str]:
     """The operations of `SELECT ... UNION SELECT ...` from the first query on, these queries, and their ORDER BY."""
-    begin, depth = t.index - 1, 0
-    while begin and (depth or t.tokens[begin].kind != "SELECT"):
-        depth += (t.tokens[begin].kind in CLOSING) - (t.tokens[begin].kind in OPENING)
-        begin -= 1
     words: list[str] = []
     texts: list[str] = []
-    start, tail, depth = t.tokens[begin].start, 0, 0
-    for index in range(begin, len(t.tokens)):
-        token, word = t.tokens[index], t.tokens[index].text.upper()
-        every = word == "UNION" and t.tokens[index + 1].text.upper() == "ALL"
-        depth += (token.kind in OPENING) - (token.kind in CLOSING)
-        if depth < 0 or token.kind in (";", END):
-            break
-        if not depth and word in _SETS and t.tokens[index + 1 + every].kind == "SELECT":
-            words.append("UNION ALL" if every else word)
-            texts.append(t.source.text[start : t.tokens[index - 1].end])
-            start = t.tokens[index + 1 + every].start
-        elif not depth and not tail and words and token.keyword in ("ORDER", "LIMIT"):
-            tail = token.start
-    end = t.tokens[index - 1].end
-    texts.append(t.source.text[start : tail or end].strip())
-    return words, texts, " ".join(t.source.text[tail:end].split()) if tail else ""
+    begin = max(t.find_outside(t.index - 1, -1, ("SELECT",)), 0)
+    tail = t.find_outside(t.index, 1, ("ORDER", "LIMIT", ";"))
+    index = t.find_outside(begin, 1, ("NAME",))
+    while index < tail:
+        word, every = t.tokens[index].text.upper(), t.tokens[index + 1].text.upper() == "ALL"
+        if word in _SETS and t.tokens[index + 1 + every].kind == "SELECT":
+            words.append(f"{word} ALL" if every else word)
+            texts.append(t.source.text[t.tokens[begin].start : t.tokens[index - 1].end])
+            begin = index + 1 + every
+        index = t.find_outside(index + 1, 1, ("NAME",))
+    texts.append(t.source.text[t.tokens[begin].start : t.tokens[tail].start].strip())
+    return words, texts, " ".join(t.read_until(tail).split())
 
 
 # Other names for options of searches.
@@ -301,9 +262,7 @@ def _explain_each(t: ParseFailure) -> ParseError | None:
     """`START WITH EACH town = list`."""
     if t.found.kind != "=" or t.expected != {"IN"}:
         return None
-    ends = ("CONNECT", ";", END)
-    end = next(token.start for token in t.tokens[t.index :] if (token.keyword or token.kind) in ends)
-    values = t.cut_text(t.found.end, end).strip()
+    values = shorten_text(t.read_until(t.index + 1, ("CONNECT", ";")))
     return t.explain("P006", "EACH goes through a list", f"write EACH {t.peek().text} IN {values}")
 
 
@@ -317,9 +276,8 @@ def _explain_unpacking(t: ParseFailure) -> ParseError | None:
         index += 2
     if t.tokens[index].kind != "=":
         return None
-    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
     parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
-    value = t.cut_text(t.tokens[index].end, end).strip()
+    value = shorten_text(t.read_until(index + 1))
     return t.explain("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
 
 
@@ -409,53 +367,38 @@ def _explain_after_as(t: ParseFailure) -> ParseError | None:
                    f"to name a source write FROM {shape.text} = ...")  # fmt: skip
 
 
-def _explain_statement(t: ParseFailure) -> ParseError | None:
-    """Statements that write, and WITH in front of a query."""
-    word = t.peek()
-    if word.kind != "NAME" or t.peek(2).kind != ";" or t.bracket:
+def _explain_modifier(t: ParseFailure) -> ParseError | None:
+    """Words in front of a statement or an expression: `INSERT INTO t`, `let x = 5`, `lambda x: x`, `CASE a WHEN 1`."""
+    word, upper = t.peek(), t.peek().text.upper()
+    first = t.peek(2).kind == ";" and not t.bracket
+    if word.kind != "NAME" or t.values[-1:] != [word]:
         return None
-    upper = word.text.upper()
-    if upper in _WRITING:
+    if first and upper in _WRITING:
         return t.explain("P006", f"a script only reads, there is no {upper}",
                        "change data from Python or with SQLite itself", at=word)  # fmt: skip
-    if upper == "WITH" and (cure := _explain_with(t)) is not None:
-        return t.explain("P006", "there is no WITH in front of a query", cure, at=word)
-    if upper == "WITH":
-        return t.explain("P006", "there is no WITH in front of a query",
-            "assign the inner query to a variable first",
-                       "a recursive query is written SELECT ... START WITH ... CONNECT BY ...", at=word)  # fmt: skip
-    return None
-
-
-def _explain_with(t: ParseFailure) -> str | None:
-    """`WITH t AS (SELECT ...) SELECT ...` as two statements."""
-    if t.next.kind != "AS" or t.tokens[t.index + 2].kind != "(":
+    if first and upper == "WITH":
+        return t.explain("P006", "there is no WITH in front of a query", *_explain_with(t), at=word)
+    before_value = t.found.kind in (*VALUES, *OPENING, "-")
+    hint = _PREFIX_HINTS.get(upper) or (_FIRST_HINTS.get(upper) if first and before_value else None)
+    if hint is None:
         return None
-    depth, index = 0, t.index + 2
-    while index < len(t.tokens) - 1:
-        depth += (t.tokens[index].kind in OPENING) - (t.tokens[index].kind in CLOSING)
-        index += 1
-        if not depth:
-            break
-    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
-    inner = t.source.text[t.tokens[t.index + 2].start : t.tokens[index - 1].end]
-    rest = t.source.text[t.tokens[index].start : end].strip()
-    if not rest or "," in rest[:1] or len(inner) + len(rest) > 120:
-        return None
-    return f"write {t.found.text} = {' '.join(inner.split())}; {' '.join(rest.split())}"
-
-
-def _explain_modifier(t: ParseFailure) -> ParseError | None:
-    """Words in front of an expression: DISTINCT, CASE, PRIOR."""
-    word = t.peek()
-    upper = word.text.upper()
-    if word.kind != "NAME" or upper not in _PREFIX_HINTS or t.values[-1:] != [word]:
-        return None
-    hint = _PREFIX_HINTS[upper].format(x=t.cut_text(t.found.start, t.found.end))
+    hint = hint.format(x=t.cut_text(t.found.start, t.found.end))
     if upper == "CASE" and t.next.keyword == "WHEN":
         value = t.tokens[t.index + 2]
         hint = f"write CASE WHEN {t.found.text} == {t.cut_text(value.start, value.end)}"
-    return t.explain("P006", _tell_that_missing(upper), hint, at=word)
+    return t.explain("P006", _tell_that_missing(word.text), hint, at=word)
+
+
+def _explain_with(t: ParseFailure) -> tuple[str, ...]:
+    """`WITH t AS (SELECT ...) SELECT ...` as two statements."""
+    if t.next.kind == "AS" and t.tokens[t.index + 2].kind == "(":
+        closing = t.find_outside(t.index + 3)
+        inner = t.source.text[t.tokens[t.index + 2].start : t.tokens[closing].end]
+        rest = t.read_until(closing + 1) if t.tokens[closing].kind != END else ""
+        if rest and rest[0] != "," and len(inner) + len(rest) <= 120:
+            return (f"write {t.found.text} = {' '.join(inner.split())}; {' '.join(rest.split())}",)
+    return ("assign the inner query to a variable first",
+            "a recursive query is written SELECT ... START WITH ... CONNECT BY ...")  # fmt: skip
 
 
 def _explain_word(t: ParseFailure) -> ParseError | None:
@@ -476,7 +419,8 @@ def _explain_word(t: ParseFailure) -> ParseError | None:
 
 
 def _tell_that_missing(word: str) -> str:
-    return f"{word} does not fit here" if word in CONTEXTUAL else f"there is no {word} in SelectScript"
+    fits = word.upper() in CONTEXTUAL
+    return f"{word.upper()} does not fit here" if fits else f"there is no {word} in SelectScript"
 
 
 def _explain_star(t: ParseFailure) -> ParseError | None:
@@ -522,19 +466,16 @@ def _explain_list(t: ParseFailure) -> ParseError | None:
 
 def _spell_list(t: ParseFailure) -> str:
     """The contents of parentheses that were meant as a list, if short."""
-    depth = 0
-    for token in t.tokens[t.index :] if t.clause == "(" else ():
-        depth += (token.kind in OPENING) - (token.kind in CLOSING)
-        if depth < 0 and t.bracket is not None and token.start - t.bracket.end <= 40:
-            return t.source.text[t.bracket.end : token.start].strip().rstrip(",")
+    closing = t.tokens[t.find_outside(t.index)]
+    if t.clause == "(" and t.bracket is not None and closing.kind != END and closing.start - t.bracket.end <= 40:
+        return t.source.text[t.bracket.end : closing.start].strip().rstrip(",")
     return f"{t.read_operand()}, ..."
 
 
 # The errors for known spellings, None for anything else; the first that fits counts.
 CHECKS: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-    _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_item_assignment,
-    _explain_inner_quote, _explain_comment, _explain_sign, _explain_concatenation, _explain_is, _explain_cast,
-    _explain_set_operation, _explain_option, _explain_each, _explain_unpacking, _explain_assignment,
-    _explain_modifier, _explain_missing_as, _explain_column_name, _explain_after_as, _explain_statement,
-    _explain_word, _explain_star, _explain_dot, _explain_list,
+    _explain_from_first, _explain_comprehension, _explain_item_assignment, _explain_inner_quote, _explain_comment,
+    _explain_sign, _explain_concatenation, _explain_is, _explain_cast, _explain_set_operation, _explain_option,
+    _explain_each, _explain_unpacking, _explain_assignment, _explain_modifier, _explain_missing_as,
+    _explain_column_name, _explain_after_as, _explain_word, _explain_star, _explain_dot, _explain_list,
 )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from functools import cached_property
 from typing import Any
 
@@ -149,16 +149,26 @@ class ParseFailure:
         kind = self._get_kind(position)
         return position >= 0 and (not kind or kind in VALUES or kind in CLOSING)
 
+    def find_outside(self, index: int, step: int = 1, kinds: Container[str] = ()) -> int:
+        """The index of the next token of these kinds, from `index` on forwards, or backwards with a `step` of -1.
+
+        It stands outside of brackets; a bracket around, the end and the beginning (-1) are the last to be looked at.
+        """
+        depth = 0
+        while index >= 0:
+            token = self.tokens[index]
+            depth += ((token.kind in OPENING) - (token.kind in CLOSING)) * step
+            if depth < 0 or token.kind == END or (not depth and (token.keyword or token.kind) in kinds):
+                break
+            index += step
+        return index
+
     def read_operand(self) -> str:
         """The text of the name, call, literal or bracket that ends before the failure."""
         index = self.index - 1
         while index > 0:
-            depth = 0
-            while self.tokens[index].kind in CLOSING or depth:
-                depth += (self.tokens[index].kind in CLOSING) - (self.tokens[index].kind in OPENING)
-                if index == 0 or not depth:
-                    break
-                index -= 1
+            if self.tokens[index].kind in CLOSING:
+                index = max(self.find_outside(index - 1, -1), 0)
             ahead = self.tokens[index - 1].kind
             if self.tokens[index].kind in OPENING and (ahead == "NAME" or ahead in CLOSING):
                 index -= 1
@@ -169,27 +179,20 @@ class ParseFailure:
         return self.cut_text(self.tokens[max(index, 0)].start, self.peek().end)
 
     def read_side(self) -> str:
-        """The text of the side of a comparison that ends before the failure: a clause or open bracket stands before."""
-        first, depth = self.index, 0
-        while True:
-            token = self.tokens[first - 1]
-            depth += (token.kind in CLOSING) - (token.kind in OPENING)
-            if depth < 0 or (not depth and (token.keyword or token.kind) in AROUND):
-                break
-            first -= 1
+        """The text of the side of a comparison that ends before the failure."""
+        first = self.find_outside(self.index - 1, -1, AROUND) + 1
         return self.source.text[self.tokens[first].start : self.peek().end] if first < self.index else "..."
 
     def read_next_side(self) -> str:
         """The text of the side of a comparison or of a column that begins after the failure; `...` for a long one."""
-        last, depth = self.index, 0
-        while True:
-            token = self.tokens[last + 1]
-            depth += (token.kind in OPENING) - (token.kind in CLOSING)
-            if depth < 0 or token.kind == END or (not depth and (token.keyword or token.kind) in AROUND):
-                break
-            last += 1
+        last = self.find_outside(self.index + 1, 1, AROUND) - 1
         text = " ".join(self.source.text[self.found.end : self.tokens[last].end].split())
         return "None" if text.upper() == "NULL" else text if 0 < len(text) <= 60 else "..."
+
+    def read_until(self, index: int, kinds: Container[str] = (";",)) -> str:
+        """The text from the token at `index` to the next one of these kinds."""
+        end = self.tokens[self.find_outside(index, 1, kinds)].start
+        return self.source.text[self.tokens[index].start : end].strip()
 
     def read_column(self) -> str:
         """The text of the column of SELECT that ends before the failure."""
