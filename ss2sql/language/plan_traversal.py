@@ -310,7 +310,6 @@ def list_plan_calls(*roots: Node) -> dict[str, frozenset[tuple[int, int]]]:
 
 
 # --- the plan as an indented tree, for people: `ss2sql sql --stage plan` and golden cases
-_HIDDEN = frozenset({"span", "place", "type", "scope", "literal", "reads", "tables", "tentative", "lateral"})
 
 
 def format_plan(program: plan.Program) -> str:
@@ -327,7 +326,7 @@ def format_type(kind: Type, bounds: bool = True) -> str:
     """A type in a few words: `int 1..7`, `str or none`, `list of int`, `any`."""
     if kind.kinds == Kind.ANY:
         return "any"
-    names = [(member.name or "").lower() for member in Kind if kind.may_be(member) and member.name in _SINGLE]
+    names = [(member.name or "").lower() for member in Kind if kind.may_be(member)]
     text = " or ".join(names) or "nothing"
     if kind.element is not None and kind.kinds == Kind.LIST:
         text += f" of {format_type(kind.element, bounds)}"
@@ -336,18 +335,16 @@ def format_type(kind: Type, bounds: bool = True) -> str:
     return text
 
 
-_SINGLE = frozenset({"NONE", "BOOL", "INT", "FLOAT", "STR", "LIST", "DICT", "OBJECT"})
-
-
 def _format_plan_lines(node: Any, depth: int, role: str = "") -> Iterator[str]:
     """The line of a node, then those of its parts, each under the name of its field."""
-    indent = "  " * depth
-    yield f"{indent}{role + ': ' if role else ''}{_format_plan_node(node)}"
-    for name, part in _list_parts(node):
-        if isinstance(part, tuple) and len(part) == 2 and isinstance(part[0], str):
-            yield from _format_plan_lines(part[1], depth + 1, f"{name} {part[0]}")
-        else:
-            yield from _format_plan_lines(part, depth + 1, name)
+    yield f"{'  ' * depth}{role + ': ' if role else ''}{_format_plan_node(node)}"
+    for name in _list_plan_fields(type(node)):
+        value = getattr(node, name)
+        for item in value if isinstance(value, tuple) else (value,):
+            word, part = item if isinstance(item, tuple) and len(item) == 2 else ("", item)
+            shown = next(list_parts(part), None) if name == "representation" else part
+            if _is_plan_node(part) and shown is not None:
+                yield from _format_plan_lines(part, depth + 1, f"{name} {word}".rstrip())
 
 
 # What is written of a node; others are called by their class, with their name if they have one.
@@ -381,28 +378,6 @@ def _format_plan_node(node: Any) -> str:
             text = _FORMS.get(kind, kind.lower() + (" {0.name}" if name else "")).format(node)
     known = node.element if isinstance(node, plan.ValueSource) else getattr(node, "type", None)
     return f"{text} [{format_type(known)}]" if isinstance(known, Type) and not isinstance(node, _UNTYPED) else text
-
-
-def _list_parts(node: Any) -> Iterator[tuple[str, Any]]:
-    """The parts of a node with the names of their fields; a tuple gives several."""
-    if isinstance(node, plan.Constant):
-        return
-    for field in fields(node):
-        value = getattr(node, field.name)
-        if field.name in _HIDDEN or isinstance(value, (plan.Function, Type)):
-            continue
-        if field.name == "representation" and not value.arguments and not value.named:
-            continue
-        if isinstance(value, tuple):
-            for item in value:
-                if is_dataclass(item) or (isinstance(item, tuple) and len(item) == 2 and _is_named_plan_node(item)):
-                    yield field.name, item
-        elif is_dataclass(value):
-            yield field.name, value
-
-
-def _is_named_plan_node(pair: tuple[Any, Any]) -> bool:
-    return isinstance(pair[0], str) and is_dataclass(pair[1]) and not isinstance(pair[1], Type)
 
 
 # --- whether equal rows of a search mean equal steps

@@ -58,7 +58,6 @@ class KnownFunction:
     calls: bool = False  # its first argument is a function
     gives_set: bool = False
     gives_code: bool = False  # a function or a class
-    gives_iterator: bool = False
     changes: bool = False  # changes an argument in place
 
 
@@ -100,13 +99,12 @@ def _make_methods(names: str, **facts: Any) -> None:
 
 _declare_pure(
     builtins,
-    "abs ascii bin chr dict dict.fromkeys divmod float format hex int isinstance list next oct ord pow range repr "
-    "round str sum tuple",  # sum takes no sets: that of floats depends on their order
+    "abs ascii bin chr dict dict.fromkeys divmod enumerate float format hex int isinstance iter list next oct ord pow "
+    "range repr reversed round str sum tuple zip",  # sum takes no sets: that of floats depends on their order
 )
-_declare_pure(builtins, "enumerate iter reversed zip", gives_iterator=True)
 _declare_pure(builtins, "all any bool len max min sorted", unordered=True)
 _declare_pure(builtins, "frozenset set", unordered=True, gives_set=True)
-_declare_pure(builtins, "filter map", calls=True, gives_iterator=True)
+_declare_pure(builtins, "filter map", calls=True)
 _declare_pure(builtins, "type", gives_code=True)
 _declare_pure(math, " ".join(name for name in vars(math) if callable(vars(math)[name])))
 _declare_pure(
@@ -121,7 +119,6 @@ _declare_pure(
     itertools,
     "chain chain.from_iterable combinations combinations_with_replacement compress count cycle islice pairwise "
     "permutations product repeat zip_longest",
-    gives_iterator=True,
 )
 _declare_pure(heapq, "heapify heappop heappush heappushpop heapreplace", changes=True)
 _declare_pure(heapq, "nlargest nsmallest")
@@ -178,7 +175,6 @@ class Findings:
     constants: dict[str, None] = field(default_factory=dict)
     changes: bool = False  # values are changed in place
     caches: bool = False  # a function in `functools.cache` is called
-    iterators: bool = False  # there are iterators that are not read at once: a cache would give them again, used up
 
 
 def is_constant_binding(value: object) -> bool:
@@ -338,13 +334,6 @@ class FunctionNames:
                 return entry is not None and entry.gives_set
             case _:
                 return False
-
-    def makes_iterator(self, node: ast.AST) -> bool:
-        """Whether an expression makes an iterator, which its first reader uses up."""
-        if not isinstance(node, ast.Call):
-            return isinstance(node, ast.GeneratorExp)
-        entry = find_known_pure(self.find_object(node.func))
-        return entry is not None and entry.gives_iterator
 
     def is_always_set(self, node: ast.AST) -> bool:
         """Whether it is a local name, and each of its values may be a set."""

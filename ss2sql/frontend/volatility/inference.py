@@ -10,7 +10,7 @@ its source proves it, and volatile in every other case. The proof assumes that
 - the memory and the stack suffice, and the locale stays what it is.
 
 A function in `functools.cache` is judged as the function itself, although the cache takes 1, 1.0 and True for one
-argument: its author chose that.
+argument, and gives an iterator again that is used up: its author chose that.
 """
 
 from __future__ import annotations
@@ -124,10 +124,7 @@ class Proof:
                 raise Unproven(f"calls {text}, which {error}") from None
         elif isinstance(value, _lru_cache_wrapper):
             self.findings.caches = True
-            inside = _unwrap_cache(value)
-            entry = find_known_pure(inside)
-            self.findings.iterators |= entry is not None and entry.gives_iterator
-            self.prove_called(inside, text)
+            self.prove_called(_unwrap_cache(value), text)
         else:
             raise Unproven(f"calls {text}, which is not known to be pure")
 
@@ -173,8 +170,6 @@ def _prove_callable(function: Any, cached: bool = False) -> Purity:
             raise Unproven("gives a function, which is not a value")
         if entry.calls:
             raise Unproven("calls its arguments")
-        if cached and entry.gives_iterator:
-            raise Unproven("may give an iterator that a cached function remembers")
         return Purity("immutable", "is known to be pure", entry.changes)
     if isinstance(function, _lru_cache_wrapper):
         return _prove_callable(_unwrap_cache(function), cached=True)
@@ -183,8 +178,6 @@ def _prove_callable(function: Any, cached: bool = False) -> Purity:
         node = proof.prove_function(function, gives_sets=True)
         if proof.findings.caches and proof.findings.changes:
             raise Unproven("may change values that a cached function remembers")
-        if proof.findings.iterators and (cached or proof.findings.caches):
-            raise Unproven("may give an iterator that a cached function remembers")
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)
         constants = f" and the constants {names}" if names else ""
         reason, changes = f"has a source that uses only its arguments{constants}", proof.findings.changes
@@ -283,14 +276,10 @@ class FunctionProof:
             if node is not None:
                 self.check(node, sets)
 
-    def check(self, node: ast.AST, sets: bool = False, read: bool = False) -> None:
-        """Checks a statement, or an expression that is read as a value; with `sets` it may be one.
-
-        With `read` its elements are all that is wanted of it.
-        """
+    def check(self, node: ast.AST, sets: bool = False) -> None:
+        """Checks a statement, or an expression that is read as a value; with `sets` it may be one."""
         if not sets and self.names.is_set(node):
             raise Unproven(f"uses the set '{ast.unparse(node)[:40]}' where its order may count")
-        self.names.findings.iterators |= not read and self.names.makes_iterator(node)
         if what := self.names.describe_code(node):
             raise Unproven(f"keeps or passes on '{ast.unparse(node)[:40]}', {what}")
         match node:
@@ -338,8 +327,7 @@ class FunctionProof:
                 self.check(value, sets=isinstance(op, SET_OPERATORS) and self.names.is_always_set(target))
                 self.check(target)
             case ast.For(target=target, iter=iterable, body=body, orelse=orelse):
-                self.check(iterable, read=True)
-                self.check_all([target, *body, *orelse])
+                self.check_all([iterable, target, *body, *orelse])
             case ast.While(test=test, body=body, orelse=orelse) | ast.If(test=test, body=body, orelse=orelse):
                 self.check(test, sets=True)
                 self.check_all([*body, *orelse])
@@ -379,7 +367,7 @@ class FunctionProof:
 
     def check_comprehension(self, node: Comprehension, unordered: bool) -> None:
         for generator in node.generators:
-            self.check(generator.iter, sets=unordered, read=True)
+            self.check(generator.iter, sets=unordered)
             self.check(generator.target)
             self.check_all(generator.ifs, sets=True)
         self.check_all([node.key, node.value] if isinstance(node, ast.DictComp) else [node.elt])
@@ -451,7 +439,7 @@ class FunctionProof:
             elif unordered and isinstance(argument, ast.GeneratorExp):
                 self.check_comprehension(argument, unordered=True)
             else:
-                self.check(argument, sets=unordered, read=position == 0 or entry.gives_iterator)
+                self.check(argument, sets=unordered)
         self.check_keywords(node)
 
     def check_keywords(self, node: ast.Call) -> None:
@@ -487,7 +475,6 @@ class FunctionProof:
             raise Unproven(f"uses {text} as a function, which does not give plain values")
         else:
             self.names.findings.changes |= entry.changes
-            self.names.findings.iterators |= entry.gives_iterator
 
     def check_method(self, node: ast.Call, func: ast.Attribute) -> None:
         name = func.attr

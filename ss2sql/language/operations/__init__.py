@@ -22,13 +22,3 @@ GROUPS["collect"] = aggregates.COLLECT
 # Those that always give a bool; in SQL they give a flag.
 PREDICATES = frozenset(name for name, row in OPERATIONS.items() if row.arity == (2, 2) and row.symbol and row.negated)
 OPERATOR_FUNCTIONS = frozenset(name for name, row in OPERATIONS.items() if row.symbol) | {"neg", "item", "slice"}
-
-
-def check_operations() -> None:
-    """Raises AssertionError for a row that contradicts itself or another one."""
-    assert len(OPERATIONS) == sum(len(page.OPERATIONS) for page in MODULES), "two rows have one name"
-    for name, row in OPERATIONS.items():
-        assert not row.negated or OPERATIONS[row.negated].negated == name
-
-
-check_operations()

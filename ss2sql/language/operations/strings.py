@@ -118,10 +118,11 @@ def _compute_formatted(value: Any, spec: str) -> str:
 
 
 @lru_cache(maxsize=256)
-def _split_pattern(pattern: str) -> list[re.Pattern[str]]:
-    """The parts between the % of a pattern. Each has a fixed length, so matching never backtracks."""
-    parts = ("".join("." if char == "_" else re.escape(char) for char in piece) for piece in pattern.split("%"))
-    return [re.compile(piece, re.DOTALL) for piece in parts]
+def _compile_like_pattern(pattern: str) -> re.Pattern[str]:
+    """The pattern as a regular expression. A part between two % is taken where it first occurs, and never elsewhere."""
+    first, *others = ("".join("." if char == "_" else re.escape(char) for char in part) for part in pattern.split("%"))
+    parts = [first, *(f"(?>.*?{part})" for part in others[:-1]), *(f".*{part}" for part in others[-1:])]
+    return re.compile("".join(parts), re.DOTALL)
 
 
 def matches_pattern(value: Any, pattern: Any) -> bool:
@@ -131,18 +132,7 @@ def matches_pattern(value: Any, pattern: Any) -> bool:
         raise ExecutionError(
             "X001", f"cannot compute {format_value(value)} LIKE {format_value(pattern)}", hints=(hint,)
         )
-    first, *rest = _split_pattern(pattern)
-    if not rest:
-        return first.fullmatch(value) is not None
-    *middle, last = rest
-    at = 0
-    for number, piece in enumerate((first, *middle)):
-        found = piece.search(value, at) if number else piece.match(value)
-        if found is None:
-            return False
-        at = found.end()
-    tail = len(pattern) - 1 - pattern.rindex("%")
-    return at + tail <= len(value) and last.match(value, len(value) - tail) is not None
+    return _compile_like_pattern(pattern).fullmatch(value) is not None
 
 
 def _mismatches_pattern(value: Any, pattern: Any) -> bool:
