@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import Error, ResolveError, Span, suggest_names
 from ss2sql.frontend.resolve.scope import (
     Scope,
+    list_scopes,
     resolve_function_source,
     resolve_this,
     resolve_world,
@@ -96,7 +97,7 @@ def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.So
         case ast.Index(value=ast.Name(name=schema), index=ast.Literal(value=str(word))) if _is_file(resolver, schema):
             return _resolve_table_source(resolver, tree.name or word, schema, word, tree.expr.span)
         case ast.Attribute(source=str(schema), name=word):
-            known = (source for level in scope.list_outwards() for source in level.sources)
+            known = (source for level in list_scopes(scope) for source in level.sources)
             owner = next((source for source in known if source.name == schema), None)
             if owner is None:
                 return _resolve_table_source(resolver, name, schema, word, tree.expr.span)

@@ -32,16 +32,16 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
     aggregated = not any(_reads_ungrouped_rows(output.expr, query) for output in columns)
     compares = query.search is not None and query.search.repeats != "allowed" and query.search.by == "row"
-    if compares and aggregates:
-        _refuse_group(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
+    if query.search is not None and compares and aggregates:
+        message = "SELECT makes the rows that this search compares, so it cannot aggregate"
+        hint = f"write what is to be compared in place of the row: {query.search.repeats.upper()} BY name"
+        resolver.refuse("R008", message, query.columns[0].expr.span, hint)
     if aggregates and not aggregated:
         _refuse_mixture(resolver, query, columns)
     having = None if query.having is None else _lift_aggregates(resolver, query.having, query)
     if having is not None and _reads_ungrouped_rows(having, query):
         message = "HAVING sees group values and aggregates only"
-        resolver.errors.append(
-            ResolveError("R008", message, having.span, ("put a condition on single rows into WHERE",))
-        )
+        resolver.refuse("R008", message, having.span, "put a condition on single rows into WHERE")
     query = replace(query, having=having)
     if not aggregated:
         _refuse_star(resolver, query)
@@ -54,7 +54,7 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
             if query.distinct:
                 message = "ORDER BY sorts what SELECT DISTINCT leaves, so it sees the columns of SELECT only"
                 hint = f"add {key.expr.span.text} to SELECT, or leave DISTINCT out"
-            resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
+            resolver.refuse("R008", message, key.expr.span, hint)
     rows = tuple(output.expr for output in query.columns) if compares else ()
     return _share_resolved_aggregates(
         replace(query, columns=columns, order=order, aggregated=True, rows=rows, distinct=False)
@@ -64,24 +64,24 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
 COUNT_TYPE = Type(Kind.INT, 0, 2**53)
 
 
-def resolve_count_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
-    """`count(*)` of a group. Raises ResolveError R008 for another function, and without a group."""
-    if function.builtin and function.name == "count" and grouped:
-        return plan.Aggregate("count", None, COUNT_TYPE, span=span)
-    hint = "count the rows of a query: (SELECT count(*) FROM ... AS value)"
-    if function.name != "count":
-        hint = f"write count(*), or name what {function.name} is to take"
-    raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, (hint,))
+def resolve_count(function: plan.Function, grouped: bool, argument: plan.Expr | None, span: Span) -> plan.Aggregate:
+    """`count(*)` of a group, or `count(DISTINCT argument)`.
 
-
-def resolve_count_distinct(function: plan.Function, grouped: bool, argument: plan.Expr, span: Span) -> plan.Aggregate:
-    """`count(DISTINCT x)` of a group. Raises ResolveError R008 as `resolve_count_star` does."""
-    if function.builtin and function.name == "count" and grouped:
-        return plan.Aggregate("count_distinct", argument, COUNT_TYPE, span=span)
-    hint = f"count what differs in a list: len(uniq({argument.span.text}))"
-    if function.name != "count":
-        hint = f"write {function.name}(uniq(SELECT {argument.span.text} FROM ... AS list))"
-    raise ResolveError("R008", "count alone takes DISTINCT, and counts the different values of a group", span, (hint,))
+    Raises ResolveError R008 for another function, and without a group.
+    """
+    name = function.name
+    if function.builtin and name == "count" and grouped:
+        return plan.Aggregate("count" if argument is None else "count_distinct", argument, COUNT_TYPE, span=span)
+    if argument is None:
+        message = "count(*) alone takes a star, and counts the rows of a group"
+        hint = "count the rows of a query: (SELECT count(*) FROM ... AS value)"
+        other = f"write count(*), or name what {name} is to take"
+    else:
+        text = argument.span.text
+        message = "count alone takes DISTINCT, and counts the different values of a group"
+        hint = f"count what differs in a list: len(uniq({text}))"
+        other = f"write {name}(uniq(SELECT {text} FROM ... AS list))"
+    raise ResolveError("R008", message, span, (hint if name == "count" else other,))
 
 
 def _share_resolved_aggregates(query: plan.Query) -> plan.Query:
@@ -118,13 +118,12 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
     match expr:
         case plan.Aggregate(argument=argument) if not within:  # `count(*)`, `count(DISTINCT x)`
             if argument is not None:
-                _refuse_star_within(resolver, "count", argument, "SELECT DISTINCT")
+                _refuse_nested(resolver, "count", argument, "SELECT DISTINCT")
             return expr  # its argument reads rows, so no key of the group belongs into it
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (
             name in GROUPS and not within and not _is_list_query(argument)
         ):
-            _refuse_star_within(resolver, name, argument)
-            _refuse_aggregate_within(resolver, expr, argument)
+            _refuse_nested(resolver, name, argument)
             kind = GROUPS[name].type_of_group(argument.type)
             if not query.group:  # there may be no row
                 kind = unite((kind, type_of(GROUPS[name].nothing)))
@@ -132,7 +131,7 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
         case plan.Call(function=plan.Function(name=name, collects=True), arguments=(argument, *others)) if (
             not within and not _is_list_query(argument)
         ):
-            _refuse_star_within(resolver, name, argument)
+            _refuse_nested(resolver, name, argument)
             kind = GROUPS["collect"].type_of_group(argument.type)
             collected = plan.Aggregate("collect", argument, kind, not query.group, span=expr.span)
             beside = (_lift_aggregates(resolver, other, query) for other in others)
@@ -178,45 +177,30 @@ def _reads_ungrouped_rows(node: object, query: plan.Query, within: bool = False)
             return any(_reads_ungrouped_rows(part, query, within) for part in list_parts(node))
 
 
-def _refuse_group(resolver: Resolver, query: plan.Query, reason: str) -> None:
-    assert query.search is not None
-    word = query.search.repeats.upper()
-    hint = f"write what is to be compared in place of the row: {word} BY name"
-    resolver.errors.append(ResolveError("R008", reason, query.columns[0].expr.span, (hint,)))
-
-
 def _refuse_star(resolver: Resolver, query: plan.Query) -> None:
     """Refuses `count(*)` where ORDER BY sorts single rows."""
     for key in query.order:
         if any(isinstance(node, plan.Aggregate) for node in walk_own(key.expr)):
             message = "ORDER BY sorts rows here, because SELECT mentions them, so it cannot count those of a group"
             hint = f"for one row per group write SELECT {', '.join(key.span.text for key in query.group)}, count(*)"
-            resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
+            resolver.refuse("R008", message, key.expr.span, hint)
 
 
-def _refuse_star_within(resolver: Resolver, name: str, argument: plan.Expr, select: str = "SELECT") -> None:
-    """Refuses `count(*)` inside the argument of the aggregate `name`."""
-    for node in walk_own(argument):
-        if isinstance(node, plan.Aggregate):
-            message = f"{name} is computed of single rows, so it cannot count those of a group"
-            hint = f"aggregate groups in a query around: {name}({select} ... GROUP BY ... AS list)"
-            resolver.errors.append(ResolveError("R008", message, node.span, (hint,)))
-
-
-def _refuse_aggregate_within(resolver: Resolver, expr: plan.Call, argument: plan.Expr) -> None:
-    """Refuses `max(sum(v))`, written so or with a column of SELECT that has the name of what it sums."""
-    inner = next(filter(_is_aggregate_of_rows, walk_own(argument)), None)
-    if inner is not None:
-        name = expr.function.name
-        message = f"{name} is computed of single rows, and {inner.span.text} of a whole group"
-        hint = f"aggregate groups in a query around: {name}(SELECT ... GROUP BY ... AS list)"
+def _refuse_nested(resolver: Resolver, name: str, argument: plan.Expr, select: str = "SELECT") -> None:
+    """Refuses `max(sum(v))` and `max(count(*))`, written so or by the name of a column of SELECT."""
+    node = next(filter(_is_aggregate_of_rows, walk_own(argument)), None)
+    if node is not None:
+        message = f"{name} is computed of single rows, and {node.span.text} of a whole group"
+        hint = f"aggregate groups in a query around: {name}({select} ... GROUP BY ... AS list)"
         other = "or, if a column of SELECT was meant as that of a source, give it another name"
-        resolver.errors.append(ResolveError("R008", message, expr.span, (hint, other)))
+        resolver.refuse("R008", message, node.span, hint, other)
 
 
 def _is_aggregate_of_rows(node: Any) -> bool:
-    """Whether it is a call such as `sum(v)`, of what is no list."""
+    """Whether it is a call such as `sum(v)`, of what is no list, or `count(*)`."""
     match node:
+        case plan.Aggregate():
+            return True
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)):
             return name in GROUPS and argument.type.excludes(Kind.LIST)
         case _:
@@ -229,4 +213,4 @@ def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.O
     message = f"'{single.name}' belongs to a row, not to a group, so it cannot stand beside an aggregate"
     text = single.expr.span.text
     by = "add it to GROUP BY" if query.group else f"write GROUP BY {text}"
-    resolver.errors.append(ResolveError("R008", message, single.expr.span, (f"{by}, or aggregate it: max({text})",)))
+    resolver.refuse("R008", message, single.expr.span, f"{by}, or aggregate it: max({text})")

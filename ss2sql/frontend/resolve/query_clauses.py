@@ -79,7 +79,7 @@ def _resolve_labels(resolver: Resolver, query: plan.Query) -> plan.Query:
     if query.aggregated:
         message = "with GROUP BY or DISTINCT a column has one name"
         span = next(iter(named.values())).span
-        resolver.errors.append(ResolveError("R014", message, span, ("show it in a column of its own",)))
+        resolver.refuse("R014", message, span, "show it in a column of its own")
     columns = [replace(output, label=None) if n in named else output for n, output in enumerate(query.columns)]
     search, form = query.search, query.representation
     if form.name == "dict":
@@ -192,7 +192,7 @@ def _check_distinct(resolver: Resolver, tree: ast.Query) -> None:
     if tree.group:
         message = "DISTINCT and GROUP BY do not go together"
         hint = "leave DISTINCT out, or put the query with GROUP BY into FROM: SELECT DISTINCT * FROM (SELECT ...)"
-        resolver.errors.append(ResolveError("R014", message, tree.group[0].span, (hint,)))
+        resolver.refuse("R014", message, tree.group[0].span, hint)
 
 
 def _resolve_optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope, clause: str) -> plan.Expr | None:
@@ -249,11 +249,11 @@ def _refuse_without_search(resolver: Resolver, tree: ast.Query) -> None:
         place = next((part.span for part in parts_of_clause if part is not None), None)
         if place is not None:
             hint = "add CONNECT BY with a condition, or with name = expr"
-            resolver.errors.append(ResolveError("R012", f"{clause} needs CONNECT BY", place, (hint,)))
+            resolver.refuse("R012", f"{clause} needs CONNECT BY", place, hint)
     if tree.last:
         hint = "leave LAST out: a query without CONNECT BY gives rows anyway"
         message = "SELECT LAST shows the last step of a path, and this query is no search"
-        resolver.errors.append(ResolveError("R012", message, tree.span, (hint,)))
+        resolver.refuse("R012", message, tree.span, hint)
 
 
 def _resolve_start(
@@ -265,7 +265,7 @@ def _resolve_start(
     for item in tree.start:
         if item.name in scope.states:
             message = f"START WITH sets '{item.name}' twice"
-            resolver.errors.append(ResolveError("R013", message, item.name_span, ("keep one of them",)))
+            resolver.refuse("R013", message, item.name_span, "keep one of them")
         tree_of_value = resolve_as_list(item.values) if isinstance(item, ast.Each) else item.value
         (value,) = resolver.resolve_operands((tree_of_value,), scope)
         if isinstance(item, ast.Each):
@@ -319,9 +319,7 @@ def _check_hidden_columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> 
         sign = "IN" if isinstance(item, ast.Each) else "=="
         message = f"START WITH sets '{item.name}', which is a column of '{owner.name}', and CONNECT BY never changes it"
         hint = f"write START WITH {item.name} {sign} {shorten_text(value.span.text)} to choose the first steps"
-        resolver.errors.append(
-            ResolveError("R013", message, item.name_span, (hint, "or give the variable another name"))
-        )
+        resolver.refuse("R013", message, item.name_span, hint, "or give the variable another name")
 
 
 def _resolve_group(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Expr, ...]:
@@ -458,7 +456,7 @@ def _resolve_order_key(
             hint = f"write what to order by, such as {', '.join(known or shown or ['this'])}"
         text = key.span.text
         message = f"ORDER BY {text} orders nothing: {text} is the same for every row"
-        resolver.errors.append(ResolveError("R014", message, key.span, (hint,)))
+        resolver.refuse("R014", message, key.span, hint)
     expr = _resolve_sort_key(resolver, key, scope)
     place = next((index for index, output in enumerate(columns) if output.expr is expr), None)
     if place is None or tree.searches:
@@ -474,7 +472,7 @@ def _check_clause_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scop
             hint = (
                 f"put the query into FROM: SELECT * FROM (SELECT ...) {clause if clause != 'HAVING' else 'WHERE'} ..."
             )
-            resolver.errors.append(ResolveError("R014", message, tree.span, (hint,)))
+            resolver.refuse("R014", message, tree.span, hint)
 
 
 # --- representation ------------------------------------------------------------------------------------

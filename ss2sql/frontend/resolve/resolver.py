@@ -13,10 +13,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names
-from ss2sql.frontend.resolve.grouping import resolve_count_distinct, resolve_count_star
+from ss2sql.frontend.resolve.grouping import resolve_count
 from ss2sql.frontend.resolve.scope import (
     Catalog,
-    Place,
     Scope,
     check_named_arguments,
     explain_method,
@@ -25,6 +24,7 @@ from ss2sql.frontend.resolve.scope import (
     find_first_source,
     is_name_resolution_final,
     list_names_in_scope,
+    list_scopes,
     list_world_hints,
     resolve_bound_name,
     resolve_dotted_name,
@@ -40,6 +40,7 @@ from ss2sql.frontend.resolve.scope import (
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS as PATH_FUNCTIONS
 from ss2sql.frontend.resolve.search_clauses import RESULT_CLAUSES, is_path_function, resolve_path_function
 from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.tokenizer import shorten_query
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, unite
 from ss2sql.language.operations import GROUPS, OPERATIONS
@@ -78,7 +79,7 @@ FIRST_EVAL_ID = 1_000_000  # the first number in strings of `eval`; scripts have
 
 def resolve_eval(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
     """The statements of a string given to `eval`, resolved in its place; they see a row, never its group."""
-    levels = list(scope.list_outwards()) if scope else []
+    levels = list(list_scopes(scope))
     around = [number for level in levels for number in (level.query, *(source.id for source in level.sources))]
     resolver, scope = Resolver(catalog, max(FIRST_EVAL_ID, *around, 0)), scope and replace(scope, grouped=False)
     expressions = tuple(resolver.resolve_statement(statement, scope).expr for statement in script.statements)
@@ -112,7 +113,7 @@ class Resolver:
         """The call with the type of the expression that its function computes, where that is known."""
         if call.function.body is None:
             return call
-        for level in scope.list_outwards() if scope else ():
+        for level in list_scopes(scope):
             self.inliner.sources.update((source.id, source) for source in level.sources)
         return self.inliner.refine_type(call)
 
@@ -124,6 +125,10 @@ class Resolver:
     def raise_errors(self) -> None:
         if self.errors:
             raise combine_errors(self.errors)
+
+    def refuse(self, code: str, message: str, span: Span | None, *hints: str) -> None:
+        """Records an error, after which the resolution goes on."""
+        self.errors.append(ResolveError(code, message, span, hints))
 
     def record_errors(
         self, function: Callable[[ast.Expr, Scope | None], plan.Expr], tree: ast.Expr, scope: Scope | None
@@ -235,9 +240,8 @@ class Resolver:
         pairs = list(zip(trees, self.resolve_operands(map(resolve_as_value, trees), scope), strict=True))
         lists = any(value.type.kinds == Kind.LIST for tree, value in pairs if not is_value_syntax(tree))
         for tree in filter(is_value_syntax, trees if lists else ()):
-            text = tree.span.text if len(tree.span.text) <= 60 else "SELECT ..."
             message = "this query is one value here, and it meets a list"
-            self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
+            self.refuse("R014", message, tree.span, f"write ({shorten_query(tree.span.text)} AS list)")
         return tuple(self.unwrap_single(value) if is_value_syntax(tree) else value for tree, value in pairs)
 
     def resolve_number(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
@@ -251,7 +255,7 @@ class Resolver:
                 function, word = self.catalog.functions.get(name), name.lower()
                 form = QUANTIFIED.get((tree.function, word == "all")) if word in ("all", "any", "some") else None
                 if form is not None and (function is None or function.builtin):
-                    text = query.span.text if len(query.span.text) <= 60 else "SELECT ..."
+                    text = shorten_query(query.span.text)
                     sign = tree.place.text if tree.place else ""
                     message = f"there is no {sign} {name.upper()} in SelectScript"
                     hint = f"write {form.format(x=left.span.text, sign=sign, query=text)}"
@@ -277,19 +281,8 @@ class Resolver:
             self.parameters.setdefault(name, (span, known))
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
-        sources = tuple(source for level in scope.list_outwards() for source in level.sources) if scope else ()
-        for level in scope.list_outwards() if scope else ():
-            if name in level.shown:
-                hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
-                raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
         known = (*list_names_in_scope(scope), *self.list_variables(), *self.parameters)
-        searches = (
-            (level.path_functions.search for level in scope.list_outwards() if level.path_functions is not None)
-            if scope
-            else ()
-        )
-        key = next((search.key[0].span.text for search in searches if search is not None and search.key), "key")
-        raise explain_unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources, key))
+        raise explain_unknown_name(name, span, self.catalog, known, scope, operand)
 
     def find_bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
@@ -377,7 +370,7 @@ class Resolver:
         return plan.If(condition, branches[0], branches[1], kind, span=tree.span)
 
     def resolve_assignment(self, tree: ast.Assign, scope: Scope | None) -> plan.Expr:
-        for level in scope.list_outwards() if scope else ():
+        for level in list_scopes(scope):
             if tree.name in level.states:
                 raise ResolveError(
                     "R007",
@@ -433,15 +426,15 @@ class Resolver:
             return self.resolve_times(tree.arguments[0], scope, span)
         if function.builtin and name == "join" and tree.arguments and is_value_syntax(tree.arguments[0]):
             query = tree.arguments[0].span
-            hint = f"write {query.text if len(query.text) <= 60 else 'SELECT ...'} AS list, with one column"
+            hint = f"write {shorten_query(query.text)} AS list, with one column"
             message = "join joins the values of a list, and the rows of a query are dicts"
             raise ResolveError("R014", message, query, (hint,))
         grouped = scope is not None and scope.grouped
         if tree.star:
-            return resolve_count_star(function, grouped, span)
+            return resolve_count(function, grouped, None, span)
         arguments = self.resolve_operands(tree.arguments, scope) if known is None else known
         if tree.distinct:
-            return resolve_count_distinct(function, grouped, arguments[0], span)
+            return resolve_count(function, grouped, arguments[0], span)
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
             return self.resolve_eval(arguments[0], scope, span)
@@ -500,7 +493,7 @@ class Resolver:
     def resolve_eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:
         sources: list[int] = []
         states: list[tuple[int, str]] = []
-        for level in scope.list_outwards() if scope else ():
+        for level in list_scopes(scope):
             sources.extend(source.id for source in level.sources)
             states.extend((level.query, name) for name in level.states)
         kept = scope.copy_scopes() if scope else None

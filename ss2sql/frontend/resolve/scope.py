@@ -77,13 +77,6 @@ class Scope:
         before, self.path_functions.clause = self.path_functions.clause, clause
         return before
 
-    def list_outwards(self) -> Iterator[Scope]:
-        """This scope and those around it, innermost first."""
-        scope: Scope | None = self
-        while scope is not None:
-            yield scope
-            scope = scope.parent
-
     def copy_scopes(self) -> Scope:
         """A copy of the scope and those around it, which `eval` keeps for its string."""
         parent = None if self.parent is None else self.parent.copy_scopes()
@@ -93,7 +86,14 @@ class Scope:
 
     @property
     def depth(self) -> int:
-        return sum(1 for _ in self.list_outwards())
+        return sum(1 for _ in list_scopes(self))
+
+
+def list_scopes(scope: Scope | None) -> Iterator[Scope]:
+    """The scope and those around it, innermost first; nothing outside of queries."""
+    while scope is not None:
+        yield scope
+        scope = scope.parent
 
 
 def resolve_this(source: plan.Source, span: Span) -> plan.Element:
@@ -106,7 +106,7 @@ def resolve_this(source: plan.Source, span: Span) -> plan.Element:
 
 def find_first_source(scope: Scope | None, span: Span) -> plan.Source:
     """The source that `this` belongs to: the first one of the innermost query that has any."""
-    for level in scope.list_outwards() if scope else ():
+    for level in list_scopes(scope):
         if level.sources:
             return level.sources[0]
     raise ResolveError("R014", "'this' has a meaning inside a query only", span, ("write SELECT ... FROM ...",))
@@ -115,7 +115,7 @@ def find_first_source(scope: Scope | None, span: Span) -> plan.Source:
 def resolve_source(scope: Scope | None, name: str, span: Span) -> plan.Source:
     """The innermost source with this name."""
     known: list[str] = []
-    for level in scope.list_outwards() if scope else ():
+    for level in list_scopes(scope):
         for source in level.sources:
             if source.name == name:
                 return source
@@ -143,7 +143,7 @@ def resolve_source_column(source: plan.Source, name: str, span: Span) -> plan.Co
 
 def resolve_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The START WITH variable, column or column of SELECT that a bare name means, from the innermost query outwards."""
-    for level in scope.list_outwards() if scope else ():
+    for level in list_scopes(scope):
         if name in level.columns:
             return level.columns[name]
         if name in level.states:
@@ -163,7 +163,7 @@ def resolve_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr 
 
 def resolve_dotted_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The column or search variable before a dot, where it is no source: `address` in `address.city`."""
-    levels = scope.list_outwards() if scope else ()
+    levels = list_scopes(scope)
     if any(source.name == name for level in levels for source in level.sources):
         return None
     return resolve_bound_name(scope, name, span)
@@ -174,7 +174,7 @@ def resolve_open_source(scope: Scope | None, name: str, span: Span) -> plan.Sour
 
     Raises ResolveError R004 where there are several that no variable can distinguish.
     """
-    for level in scope.list_outwards() if scope else ():
+    for level in list_scopes(scope):
         candidates = [source for source in level.sources if source.columns is None]
         if len(candidates) > 1 and not any(map(_reads_variable, candidates)):
             choices = " or ".join(f"{source.name}.{name}" for source in candidates)
@@ -190,7 +190,7 @@ def is_name_resolution_final(scope: Scope | None, found: plan.Expr | None) -> bo
 
     A source whose columns depend on a variable may have one of this name at run time, and then that one comes first.
     """
-    for level in scope.list_outwards() if scope else ():
+    for level in list_scopes(scope):
         if found is not None and any(found is column for column in level.columns.values()):
             return True
         if isinstance(found, plan.State) and found.query == level.query:
@@ -209,7 +209,7 @@ def _reads_variable(source: plan.Source) -> bool:
 def list_names_in_scope(scope: Scope | None) -> list[str]:
     """All names that a bare name could mean here, for suggestions."""
     names: list[str] = []
-    for level in scope.list_outwards() if scope else ():
+    for level in list_scopes(scope):
         names.extend((*level.columns, *filter(str.isidentifier, level.states)))
         for source in level.sources:
             names.extend(column for column, _ in source.columns or ())
@@ -336,9 +336,9 @@ def _is_item(resolver: Resolver, source: plan.WorldSource, name: str, following:
 
 def _resolve_walked_source(expr: plan.Expr, scope: Scope | None) -> plan.WorldSource | None:
     """The source whose current element the expression is, if that is one of a world."""
-    if not isinstance(expr, plan.Element) or scope is None:
+    if not isinstance(expr, plan.Element):
         return None
-    source = next((one for level in scope.list_outwards() for one in level.sources if one.id == expr.source), None)
+    source = next((one for level in list_scopes(scope) for one in level.sources if one.id == expr.source), None)
     return source if isinstance(source, plan.WorldSource) else None
 
 
@@ -364,7 +364,7 @@ def is_function_of_this(resolver: Resolver, name: str, scope: Scope) -> bool:
         return True
     if name not in resolver.catalog.world_functions:
         return False
-    return not any(source.columns is None for level in scope.list_outwards() for source in level.sources)
+    return not any(source.columns is None for level in list_scopes(scope) for source in level.sources)
 
 
 # --- suggestions for unknown names: functions of SQL and Python, methods, strings without quotes
@@ -420,19 +420,6 @@ _ORACLE = {
     "ROWNUM": "LIMIT n after the other clauses",
     "CURRENT_DATE": "date(now())", "SYSDATE": "now()", "CURRENT_TIMESTAMP": "now()",
 }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a name stands: inside a query, where there is a `this`; as an operand, where it may be a string.
-
-    `sources` are the visible ones, `key` is what the search compares.
-    """
-
-    inside: bool
-    operand: bool
-    sources: tuple[plan.Source, ...]
-    key: str = "key"
 
 
 def explain_unknown_function(
@@ -532,15 +519,22 @@ def _suggest_call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
     return (call,) if name in catalog.functions else (f"{call}, with a function that is registered", *there)
 
 
-def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], place: Place) -> ResolveError:
-    """The error for an unknown bare name."""
-    if name in catalog.functions:
-        hints: tuple[str, ...] = (f"'{name}' is a function: write {name}({'this' if place.inside else '...'})",)
-        hints += (f"its name as a text is '{name}'",) if place.operand and not place.inside else ()
-    elif any(source.name == name for source in place.sources):
+def explain_unknown_name(
+    name: str, span: Span, catalog: Catalog, known: Sequence[str], scope: Scope | None, operand: bool
+) -> ResolveError:
+    """The error for an unknown bare name; as an operand it may be meant as a string."""
+    sources = [source for level in list_scopes(scope) for source in level.sources]
+    shown = next((level.shown[name] for level in list_scopes(scope) if name in level.shown), None)
+    hints: tuple[str, ...]
+    if shown is not None:
+        hints = (f"'{name}' is a column that SELECT makes; write {shown} here",)
+    elif name in catalog.functions:
+        hints = (f"'{name}' is a function: write {name}({'this' if scope else '...'})",)
+        hints += (f"its name as a text is '{name}'",) if operand and not scope else ()
+    elif any(source.name == name for source in sources):
         hints = (f"'{name}' is a source: write {name}.this",)
     elif name.upper() in _ORACLE:
-        hints = (f"write {_ORACLE[name.upper()]}".format(key=place.key),)
+        hints = (f"write {_ORACLE[name.upper()]}".format(key=_write_search_key(scope)),)
         hints += (f"to choose by it write {CHOOSE_LEAVES}",) if name.upper() == "CONNECT_BY_ISLEAF" else ()
     elif name.upper() in ("NULL", "NIL"):
         hints = ("write None",)
@@ -550,14 +544,20 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
     else:
         cure = f"assign it before, or give it a value: run(script, {name}=...), on a command line -p {name} VALUE"
         hints = suggest_names(name, known)
-        hints += tuple(one.hides for one in place.sources if isinstance(one, plan.ValueSource) and one.hides)
-        objects = [source.name for source in place.sources if _is_object_variable(source)]
+        hints += tuple(one.hides for one in sources if isinstance(one, plan.ValueSource) and one.hides)
+        objects = [source.name for source in sources if _is_object_variable(source)]
         hints += tuple(f"'{one}' is one object: attach('{one}', ...) gives the rows of a data frame" for one in objects)
-        if place.operand and not objects and not suggest_similar(name, known):
+        if operand and not objects and not suggest_similar(name, known):
             hints += (f"a text stands in quotes: '{name}'",)
-        if not objects and (place.operand or not hints):
+        if not objects and (operand or not hints):
             hints += (cure,)
     return ResolveError("R001", f"unknown name '{name}'", span, hints)
+
+
+def _write_search_key(scope: Scope | None) -> str:
+    """What the search around a place compares, if it has a key."""
+    searches = (level.path_functions.search for level in list_scopes(scope) if level.path_functions is not None)
+    return next((search.key[0].span.text for search in searches if search is not None and search.key), "key")
 
 
 def _is_object_variable(source: plan.Source) -> bool:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 from ss2sql.errors import ResolveError, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.from_clause import resolve_sources
-from ss2sql.frontend.resolve.scope import CHOOSE_LEAVES, Scope
+from ss2sql.frontend.resolve.scope import CHOOSE_LEAVES, Scope, list_scopes
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, BOOL, Kind, Type, drop_bounds, is_supertype, make_list_type, unite
@@ -118,7 +118,7 @@ def _refuse_next_inside(resolver: Resolver, word: str, argument: ast.Expr) -> No
 
 def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | None) -> plan.Expr:
     """The plan of a call of one of these functions."""
-    own = next((level for level in scope.list_outwards() if level.path_functions is not None), None) if scope else None
+    own = next((level for level in list_scopes(scope) if level.path_functions is not None), None)
     usage = USAGE.get(tree.function, f"{tree.function}(x)")
     if own is None or own.path_functions is None:
         hint = "write it in a clause of a step of a query with CONNECT BY"
@@ -338,7 +338,7 @@ def resolve_without_path(resolver: Resolver, tree: ast.Query, query: plan.Query)
     if not left:
         word = search.repeats.upper()
         message, hint = f"{word} compares rows, and every column of SELECT asks for the path", f"write {word} BY key"
-        resolver.errors.append(ResolveError("R010", message, query.columns[0].expr.span, (hint,)))
+        resolver.refuse("R010", message, query.columns[0].expr.span, hint)
     return replace(query, search=replace(search, key=left))
 
 
@@ -350,7 +350,7 @@ def _check_memorize(resolver: Resolver, tree: ast.Query) -> None:
         if expr is not None and calls_path_function(resolver, expr):
             message = "with MEMORIZE a step belongs to many paths, so only what is shown can ask for its path"
             hint = "write it in SELECT, GROUP BY, HAVING or ORDER BY, or write NO CYCLE in place of MEMORIZE"
-            resolver.errors.append(ResolveError("R014", message, expr.span, (hint,)))
+            resolver.refuse("R014", message, expr.span, hint)
 
 
 def resolve_outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, what: str) -> plan.Expr:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from ss2sql.errors import ParseError
 from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, VALUES, ParseFailure, spell
-from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, END, OPENING, OPTIONS, Token, shorten_text
+from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, END, OPENING, OPTIONS, Token, shorten_query, shorten_text
 from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
 
 
@@ -199,7 +199,7 @@ def _explain_set_operation(t: ParseFailure) -> ParseError | None:
     # Rows of dicts are equal by their names, too, and those of `*` are not seen here.
     named = "*" not in columns[0] and all(one == columns[0] for one in columns)
     form = "dict" if named else "rows" if any({"*"} & set(one) or "," in "".join(one) for one in columns) else "list"
-    parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
+    parts = [shorten_query(" ".join(text.split())) for text in texts]
     shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
     form = next((shape[1] for shape in shapes if shape), f" AS {form}")
     lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]

@@ -246,6 +246,11 @@ def shorten_text(text: str) -> str:
     return text if len(text) <= 30 else text[:27] + "..."
 
 
+def shorten_query(text: str) -> str:
+    """The text of a query for a hint, or a form of one where it is long."""
+    return text if len(text) <= 60 else "SELECT ..."
+
+
 _ESCAPE = re.compile(
     r"\\(?:(?P<line>\r\n|[\r\n])|(?P<plain>[\\'\"abfnrtv])|(?P<octal>[0-7]{1,3})"
     r"|x(?P<x>[0-9a-fA-F]{2})|u(?P<u>[0-9a-fA-F]{4})|U(?P<U>[0-9a-fA-F]{8})|N\{(?P<name>[^}]*)\}|(?P<bad>[xuUN]))"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast, tokenizer
-from ss2sql.frontend.syntax.tokenizer import Token, shorten_text
+from ss2sql.frontend.syntax.tokenizer import Token, shorten_query, shorten_text
 
 if TYPE_CHECKING:
     from ss2sql.frontend.syntax.parser import Table
@@ -248,7 +248,7 @@ class ExpressionBuilder:
             return
         text = self.script_source.text[query.span.start : tables[-1].span.end]
         rest = self.script_source.text[literals[-1].span.start : query.span.end]
-        hint = f"write {text if len(text) <= 60 else 'SELECT ...'} AS list, {rest}"
+        hint = f"write {shorten_query(text)} AS list, {rest}"
         message = f"this query inside a call is not ended, so {shorten_text(rest)} is a source of it"
         self._make_error("P009", message, query.span, hint, "AS value stands there for a single value")
 

@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Any
 
 from ss2sql.errors import Error, Span
+from ss2sql.frontend.resolve.scope import list_scopes
 from ss2sql.language import plan
 from ss2sql.language.kinds import is_supertype
 from ss2sql.language.operations import OPERATIONS
@@ -132,7 +133,7 @@ def fold_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr | 
     """What a constant text stands for; None where that has to wait."""
     if not isinstance(node.text, plan.Constant) or not isinstance(node.text.value, str):
         return None
-    if node.scope is None or any(level.grouped for level in node.scope.list_outwards()):
+    if node.scope is None or any(level.grouped for level in list_scopes(node.scope)):
         return None
     expr = world.read(node.text.value, node.scope)
     if expr is None or not is_free(expr):
