@@ -24,7 +24,7 @@ from random_values import Thing
 import ss2sql
 from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import ANY, Kind, Type, is_supertype, type_of, unite
-from ss2sql.language.operations import GROUPS
+from ss2sql.language.operations import GROUPS, MODULES
 from ss2sql.language.operations import WRITTEN as OPERATIONS
 
 ENGINES = ("database", "native")
@@ -344,6 +344,12 @@ def test_duckdb_aggregates_alike(name: str, column: str) -> None:
             found = given_by(session, f"SELECT {call} FROM t GROUP BY k AS list;", engine)
             failed = [one for one in expected if isinstance(one, str)]
             assert found in ([None, *failed] if failed else [None, expected]), (engine, name, column, found, expected)
+
+
+def test_rows_have_names_of_their_own_and_name_their_opposites() -> None:
+    rows = {row.name: row for page in MODULES for row in page.OPERATIONS}
+    assert len(rows) == sum(len(page.OPERATIONS) for page in MODULES)
+    assert all(rows[row.negated].negated == name for name, row in rows.items() if row.negated)
 
 
 def test_what_is_shown_of_a_row_is_there() -> None:
