@@ -42,18 +42,15 @@ class AABB:
 
 
 def matrix(pose: Any) -> Any:
-    """A 4 x 4 matrix of a pose: itself, or [qw, qx, qy, qz, x, y, z]."""
-    values = np.array(pose, float)
-    if values.shape != (7,):
-        return values
-    w, x, y, z = values[:4] / np.linalg.norm(values[:4])
+    """The 4 x 4 matrix of a pose [qw, qx, qy, qz, x, y, z]."""
+    w, x, y, z = pose[:4] / np.linalg.norm(pose[:4])
     found = np.eye(4)
     found[:3, :3] = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    found[:3, 3] = values[4:]
+    found[:3, 3] = pose[4:]
     return found
 
 
@@ -79,9 +76,11 @@ class Link:
     GetVelocity = gives(lambda link: link.velocity)
     IsEnabled = gives(lambda link: True)
 
-    def GetTransform(self) -> Any:
-        found = self.body.GetTransform()
-        found[:3, 3] += found[:3, :3] @ self.offset
+    GetTransform = gives(lambda link: matrix(link.GetTransformPose()))
+
+    def GetTransformPose(self) -> Any:
+        found = self.body.GetTransformPose()
+        found[4:] += self.body.GetTransform()[:3, :3] @ self.offset
         return found
 
     def ComputeAABB(self) -> AABB:
@@ -106,27 +105,28 @@ class Joint:
 class KinBody:
     def __init__(self, name: str, links: list[Link], joints: list[Joint] | None = None, robot: bool = False) -> None:
         self.name, self.links, self.joints, self.robot = name, links, joints or [], robot
-        self.transform, self.number = np.eye(4), 0
+        self.pose, self.number = np.eye(7)[0], 0
         self._saved: list[Any] = []
         for link in links:
             link.body = self
 
     GetEnvironmentId = gives(lambda body: body.number)
     GetName = gives(lambda body: body.name)
-    GetTransform = gives(lambda body: body.transform.copy())
+    GetTransform = gives(lambda body: matrix(body.pose))
+    GetTransformPose = gives(lambda body: body.pose.copy())
     GetLinks = gives(lambda body: list(body.links))
     GetJoints = gives(lambda body: list(body.joints))
     GetLinkVelocities = gives(lambda body: np.array([link.GetVelocity() for link in body.links]))
     IsRobot = gives(lambda body: body.robot)
     GetAttachedSensors = gives(lambda body: ["laser"] if body.robot else [])
     IsEnabled = gives(lambda body: True)
-    __enter__ = gives(lambda body: body._saved.append(body.GetTransform()))
+    __enter__ = gives(lambda body: body._saved.append(body.pose))
 
     def __exit__(self, *error: object) -> None:
-        self.transform = self._saved.pop()
+        self.pose = self._saved.pop()
 
     def SetTransform(self, pose: Any) -> None:
-        self.transform = matrix(pose)
+        self.pose = np.array(pose, float)
 
     def ComputeAABB(self) -> AABB:
         boxes = [link.ComputeAABB() for link in self.links]

@@ -12,7 +12,7 @@ import pytest
 from simulators import ARGUMENTS, OpenRave, answer
 
 import ss2sql
-from ss2sql.vtables.openrave import OpenRaveWorld, split_transform
+from ss2sql.vtables.openrave import OpenRaveWorld
 
 
 @pytest.fixture(autouse=True)
@@ -60,17 +60,6 @@ def test_links_and_joints(ss: ss2sql.Session, engine: Any) -> None:
     ]
     rows = answer(ss, "SELECT body, name, type, angle, speed, lower, upper FROM space.joints AS rows;", engine)
     assert rows == [[3, "axle", "revolute", 0.25, 0, -1, 2], [3, "ball", "spherical", None, None, None, None]]
-
-
-def test_poses_as_matrices_and_as_quaternions() -> None:
-    random = np.random.default_rng(2)
-    for turn in [*random.normal(size=(50, 4)), (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)]:
-        known = np.asarray(turn) / np.linalg.norm(turn)
-        seven = (*known, 1, 2, 3)
-        assert np.allclose(split_transform(seven)[0], known)
-        found, place = split_transform(fake.matrix(seven))
-        assert place == (1, 2, 3)
-        assert np.allclose(found, known) or np.allclose(found, -known)
 
 
 def test_distances_are_those_of_the_collision_checker(room: fake.Environment, ss: ss2sql.Session, engine: Any) -> None:

@@ -1,7 +1,6 @@
 """OpenRAVE as a world: `ss.attach("space", env)` for an `openravepy.Environment`.
 
-It uses the documented interface of openravepy, in the spelling that the versions from 0.9 on have in common. Poses
-may come as matrices or, after `openravepy.options.SetReturnTransformQuaternions(True)`, as quaternion and position.
+It uses the documented interface of openravepy, in the spelling that the versions from 0.9 on have in common.
 """
 
 from __future__ import annotations
@@ -71,11 +70,10 @@ class _OpenRaveSolids(Posed):
         return "ghost" if not kinds else kinds[0] if len(kinds) == 1 else "compound"
 
     def read_position(self, key: Any) -> Vector:
-        return split_transform(self.get_part(key).GetTransform())[1]
+        return _read_openrave_pose(self.get_part(key))[0]
 
     def read_turn(self, key: Any) -> Quaternion:
-        w, x, y, z = split_transform(self.get_part(key).GetTransform())[0]
-        return x, y, z, w
+        return _read_openrave_pose(self.get_part(key))[1]
 
     def read_velocity(self, key: Any) -> Vector:
         x, y, z = self.read_motion(key)[:3]
@@ -131,9 +129,8 @@ class OpenRaveBodies(_OpenRaveSolids):
         return self.element(key)
 
     def read_motion(self, key: Any) -> list[float]:
-        return _convert_floats(
-            self.world.get_body(key).GetLinkVelocities()[0]
-        )  # the first link carries the body's pose
+        # The first link carries the body's pose.
+        return list(map(float, self.world.get_body(key).GetLinkVelocities()[0]))
 
     def read_mass(self, key: int) -> float:
         return float(sum(link.GetMass() for link in self.world.get_body(key).GetLinks()))
@@ -171,7 +168,7 @@ class OpenRaveLinks(_OpenRaveSolids):
         return key
 
     def read_motion(self, key: Any) -> list[float]:
-        return _convert_floats(self.get_part(key).GetVelocity())
+        return list(map(float, self.get_part(key).GetVelocity()))
 
     def read_mass(self, key: tuple[int, int]) -> float:
         return float(self.get_part(key).GetMass())
@@ -253,7 +250,7 @@ class OpenRaveWorld(BodyWorld):
 
     def read_positions(self) -> tuple[list[int], Any]:
         found = self.list_bodies()
-        points = [split_transform(body.GetTransform())[1] for body in found]
+        points = [_read_openrave_pose(body)[0] for body in found]
         return [int(body.GetEnvironmentId()) for body in found], np.array(points, float).reshape(len(found), 3)
 
     def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
@@ -291,25 +288,10 @@ class OpenRaveWorld(BodyWorld):
         self.get_body(body).SetTransform(np.array([w, x, y, z, *position]))
 
 
-def split_transform(transform: Any) -> tuple[tuple[float, ...], Vector]:
-    """The quaternion of a transform, the real part first, and its position."""
-    values = np.asarray(transform, float)
-    is_list = values.shape == (7,)
-    x, y, z = (values[4:] if is_list else values[:3, 3]).tolist()
-    return tuple(values[:4].tolist()) if is_list else _convert_rotation(values[:3, :3]), (x, y, z)
-
-
-def _convert_rotation(matrix: NDArray[Any]) -> tuple[float, ...]:
-    """The quaternion of a rotation matrix, from its largest part, which rounding affects least."""
-    xx, yy, zz = np.diag(matrix)
-    squares = np.array([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz])
-    a, b, c = matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]
-    d, e, f = matrix[0, 1] + matrix[1, 0], matrix[0, 2] + matrix[2, 0], matrix[1, 2] + matrix[2, 1]
-    largest = int(np.argmax(squares))
-    found = np.array(
-        [[squares[0], a, b, c], [a, squares[1], d, e], [b, d, squares[2], f], [c, e, f, squares[3]]][largest]
-    )
-    return tuple((found / np.linalg.norm(found)).tolist())
+def _read_openrave_pose(part: Any) -> tuple[Vector, Quaternion]:
+    """Where a body or a link is, and how it is turned: x, y, z, w. OpenRAVE begins with the real part."""
+    w, qx, qy, qz, x, y, z = map(float, part.GetTransformPose())
+    return (x, y, z), (qx, qy, qz, w)
 
 
 def name_shape(geometry: Any) -> str:
@@ -317,20 +299,15 @@ def name_shape(geometry: Any) -> str:
 
 
 def _compute_volume(geometry: Any) -> float | None:
-    match name_shape(geometry):
+    kind, size = name_shape(geometry), []
+    match kind:
         case "sphere":
             size = [geometry.GetSphereRadius()]
         case "box":
             size = [2 * extent for extent in geometry.GetBoxExtents()]
         case "cylinder":
             size = [geometry.GetCylinderRadius(), geometry.GetCylinderHeight()]
-        case _:
-            return None
-    return compute_solid_volume(name_shape(geometry), *map(float, size))
-
-
-def _convert_floats(values: Any) -> list[float]:
-    return [float(value) for value in values]
+    return compute_solid_volume(kind, *map(float, size))
 
 
 def _unwrap_openrave_value(values: Any) -> float | None:
