@@ -113,19 +113,6 @@ def test_columns_of_values_and_their_types(known: SymbolTable) -> None:
     assert known.variables["frame"] == "data frame of 2 rows"
 
 
-def test_long_lists_are_not_read_for_their_columns(known: SymbolTable) -> None:
-    read = []
-
-    class Watched(dict[str, int]):
-        def items(self):
-            read.append(1)
-            return super().items()
-
-    known.session.attach("long", [Watched(a=1) for _ in range(10_000)])
-    assert texts("SELECT | FROM long", SymbolTable(known.session), "column") == ["a"]
-    assert len(read) < 1000
-
-
 def test_a_view_that_is_broken_does_not_end_the_shell(file: Path) -> None:
     write(file, "CREATE TABLE a(x); CREATE VIEW broken AS SELECT * FROM a; DROP TABLE a")
     with ss2sql.connect(file) as session:

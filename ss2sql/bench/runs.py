@@ -143,46 +143,17 @@ class FinishedRun:
         return Answer(self.strategy, paths, cut)
 
 
-class Comparer:
-    """Compares each outcome with the first one, the reference, and with the same strategy on another engine."""
-
-    def __init__(self, query: plan.Query | None, own: str) -> None:
-        self.own = own  # the strategy of the script as written
-        self.variation = None if query is None else find_reason_answers_differ(query)
-        # What clauses read beside the rows, see `find_unnamed`.
-        self.unnamed = () if query is None or query.search is None else describe_unnamed(query)
-        self.reference: FinishedRun | None = None
-        self._by_strategy: dict[str, FinishedRun] = {}
-
-    def record_verdict(self, finished: FinishedRun) -> None:
-        cell = finished.cell
-        twin = self._by_strategy.setdefault(cell.strategy, finished)
-        verdict = self._compare_reference(finished) if twin is finished else self._compare_twin(finished, twin)
-        if verdict.forbidden and self.variation:
-            verdict = Verdict(f"{verdict.words}; {self.variation}")
-        cell.answer, cell.same, cell.forbidden = verdict.words, verdict.same, verdict.forbidden
-
-    def _compare_twin(self, finished: FinishedRun, twin: FinishedRun) -> Verdict:
-        """Compares with the same strategy on another engine, which must be equal, errors included."""
-        if finished.failure == twin.failure != "":
-            return Verdict("")
-        if finished.failure or twin.failure:
-            one, other = (finished, twin) if finished.failure else (twin, finished)
-            return Verdict(f"it fails in {one.cell.engine} and not so in {other.cell.engine}", True)
-        if _list_contents(finished.result) != _list_contents(twin.result):
-            return Verdict(f"not what {twin.cell.engine} gives", True)
-        return Verdict("same" if twin is self.reference else twin.cell.answer, same=twin.cell.same)
-
-    def _compare_reference(self, finished: FinishedRun) -> Verdict:
-        if finished.result is None:
-            return Verdict("")
-        if self.reference is None or self.reference.result is None:
-            self.reference = finished
-            return Verdict(AS_WRITTEN if finished.cell.strategy == self.own else REFERENCE, same=True)
-        own, other = self.reference.answer, finished.answer
-        if own is None or other is None:
-            return compare_answer_groups(list(self.reference.result), list(finished.result))
-        return compare_answers(own, other, self.unnamed)
+def compare_engines(one: FinishedRun, other: FinishedRun) -> Verdict:
+    """The verdict on the same strategy on another engine, which must be equal, errors included."""
+    if one.failure == other.failure != "":
+        return Verdict("")
+    if one.failure or other.failure:
+        failed, passed = (one, other) if one.failure else (other, one)
+        return Verdict(f"it fails in {failed.cell.engine} and not so in {passed.cell.engine}", True)
+    if _list_contents(one.result) != _list_contents(other.result):
+        return Verdict(f"not what {other.cell.engine} gives", True)
+    written = other.cell.answer in (AS_WRITTEN, REFERENCE)
+    return Verdict("same" if written else other.cell.answer, same=other.cell.same)
 
 
 def _list_contents(result: Result | None) -> Any:
@@ -302,7 +273,9 @@ class StatementRuns:
     tree: ast.Expr
     cells: list[BenchResult] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    reference: str | None = None
+    finished: list[FinishedRun] = field(default_factory=list)
+    variation: str | None = None  # why two runs may differ anyhow
+    unnamed: Sequence[str] = ()  # see `compare_answers`
 
     @property
     def text(self) -> str:
@@ -318,25 +291,31 @@ class StatementRuns:
         tree = self.tree.value if isinstance(self.tree, ast.Assign) else self.tree
         return tree if isinstance(tree, ast.Query) and tree.searches else None
 
+    @property
+    def reference(self) -> FinishedRun | None:
+        """The first run with a result, which the others are compared with."""
+        return next((run for run in self.finished if run.result is not None), None)
+
     def run_strategies(self) -> None:
         """Runs strategies on engines; their results are in `cells` as soon as they begin."""
         search = self.search
         own = RacedStrategy(search.options if search else ())
-        name = own.name if search else NO_SEARCH
         compiled = compile_raced_statement(self.session, self.tree, "auto")
-        comparer = Comparer(_find_raced_query(compiled.plan.statements[0].expr), name)
-        self._run_strategy(own, name, comparer)
-        if search is None:
-            return
-        for strategy in self._list_other_strategies(search, own, comparer):
-            self._run_strategy(strategy, strategy.name, comparer)
-        self._add_notes(own, comparer)
+        query = _find_raced_query(compiled.plan.statements[0].expr)
+        if query is not None:
+            self.variation = find_reason_answers_differ(query)
+            self.unnamed = () if query.search is None else describe_unnamed(query)
+        self._run_strategy(own, own.name if search else NO_SEARCH)
+        if search is not None:
+            for strategy in self._list_other_strategies(search, own):
+                self._run_strategy(strategy, strategy.name)
+            self._add_notes(own)
 
-    def _list_other_strategies(self, search: ast.Query, own: RacedStrategy, comparer: Comparer) -> list[RacedStrategy]:
+    def _list_other_strategies(self, search: ast.Query, own: RacedStrategy) -> list[RacedStrategy]:
         """The strategies beside the script's own, whose longest path bounds MEMORIZE."""
-        first = comparer.reference
+        first = self.reference
         paths = get_result_paths(first.result) if first is not None and first.result is not None else None
-        longest = max(map(len, paths), default=None) if paths is not None else None
+        longest = max(map(len, paths or ()), default=None)
         found: dict[str, RacedStrategy] = {}
         for text in self.rules.strategies:
             suited = list_strategies(search, longest) if text == "all" else [parse_strategy(text, search.options)]
@@ -344,27 +323,44 @@ class StatementRuns:
         found.pop(own.name, None)
         return list(found.values())
 
-    def _add_notes(self, own: RacedStrategy, comparer: Comparer) -> None:
-        self.reference = None if comparer.reference is None else comparer.reference.cell.strategy
-        if self.reference not in (None, own.name):
-            self.notes.append(
-                f"{own.name}, as written, did not finish, so the others are compared with {self.reference}."
-            )
-        if comparer.unnamed and any("SELECT does not name" in cell.answer for cell in self.cells):
+    def _add_notes(self, own: RacedStrategy) -> None:
+        first = own.name if self.reference is None else self.reference.cell.strategy
+        if first != own.name:
+            self.notes.append(f"{own.name}, as written, did not finish, so the others are compared with {first}.")
+        if self.unnamed and any("SELECT does not name" in cell.answer for cell in self.cells):
             self.notes.append(
                 "MEMORIZE and UNIQUE keep one state for each row: what they find is promised only where SELECT names "
                 "all that STOP WITH, WHERE and CONNECT BY read."
             )
 
-    def _run_strategy(self, strategy: RacedStrategy, name: str, comparer: Comparer) -> None:
+    def _run_strategy(self, strategy: RacedStrategy, name: str) -> None:
         for engine in self.rules.engines:
             cell = BenchResult(name, engine)
             self.cells.append(cell)
-            finished = self._run_on_engine(strategy, cell, comparer)
-            if finished is not None:
-                comparer.record_verdict(finished)
+            finished = self._run_on_engine(strategy, cell)
+            if finished is None:
+                continue
+            verdict = self._judge_run(finished)
+            cell.answer, cell.same, cell.forbidden = verdict.words, verdict.same, verdict.forbidden
+            if verdict.forbidden and self.variation:
+                cell.answer, cell.forbidden = f"{verdict.words}; {self.variation}", False
+            self.finished.append(finished)
 
-    def _run_on_engine(self, strategy: RacedStrategy, cell: BenchResult, comparer: Comparer) -> FinishedRun | None:
+    def _judge_run(self, run: FinishedRun) -> Verdict:
+        """Compares a run with the same strategy on another engine, or else with the reference."""
+        twin = next((one for one in self.finished if one.cell.strategy == run.cell.strategy), None)
+        if twin is not None:
+            return compare_engines(run, twin)
+        if run.result is None:
+            return Verdict("")
+        first = self.reference
+        if first is None or first.result is None:
+            return Verdict(AS_WRITTEN if run.cell.strategy == self.cells[0].strategy else REFERENCE, same=True)
+        if first.answer is None or run.answer is None:
+            return compare_answer_groups(list(first.result), list(run.result))
+        return compare_answers(first.answer, run.answer, self.unnamed)
+
+    def _run_on_engine(self, strategy: RacedStrategy, cell: BenchResult) -> FinishedRun | None:
         """Runs a strategy on an engine and records the reason for a missing answer. Raises the script's first error."""
         engine: Any = cell.engine
         try:
@@ -382,7 +378,7 @@ class StatementRuns:
             paths = get_result_paths(stopped.partial) if stopped.partial is not None else None
             cell.missing = self._name_limit(stopped) + (f", {len(paths):,} paths by then" if paths else "")
         except Exception as error:
-            if comparer.reference is None and cell.strategy == self.cells[0].strategy:
+            if self.reference is None and cell.strategy == self.cells[0].strategy:
                 raise
             kind = error.code if isinstance(error, Error) else type(error).__name__
             cell.missing = f"{kind}: {error.message if isinstance(error, Error) else error}"
@@ -543,7 +539,7 @@ def collect_race_report(all_runs: Sequence[StatementRuns], settings: BenchRules)
         {
             "place": runs.tree.span.place,
             "text": runs.tree.span.text,
-            "reference": runs.reference,
+            "reference": (runs.reference and runs.reference.cell.strategy) or None,
             "notes": runs.notes,
             "cells": [
                 result.as_dict() | {"ratio": ratio}

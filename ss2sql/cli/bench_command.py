@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,7 +75,7 @@ def bench_command(
     json_file: Path | None,
 ) -> None:
     """Races engines and search strategies on a script, and compares their answers."""
-    from ss2sql.bench import BenchRules, make_runs
+    from ss2sql.bench import BenchRules, make_runs, print_runs
     from ss2sql.session.session import read_script_source
 
     source = inputs.script
@@ -93,24 +92,16 @@ def bench_command(
                 break
             if run:
                 print_line("")
-            with _print_command_table(runs), mark_user_errors():
-                runs.run_strategies()
+            try:
+                with mark_user_errors():
+                    runs.run_strategies()
+            finally:  # also after an interruption
+                if runs.cells:
+                    print_runs(runs, make_output_console())
             run.append(runs)
     if json_file is not None:
         _write_figures(run, settings, json_file)
     _exit_on_contradictions(run)
-
-
-@contextmanager
-def _print_command_table(runs: StatementRuns) -> Iterator[None]:
-    """Prints the table of a statement at the end, also after an interruption."""
-    from ss2sql.bench import print_runs
-
-    try:
-        yield
-    finally:
-        if runs.cells:
-            print_runs(runs, make_output_console())
 
 
 def _write_figures(run: Sequence[StatementRuns], settings: BenchRules, path: Path) -> None:

@@ -67,7 +67,8 @@ def exit_with_code_on_error(command: F) -> F:
         except KeyboardInterrupt:
             exit_after_interrupt()
         except Error as error:
-            _end_with_error(error)
+            _print_to_stderr(format_printed_error(error))
+            sys.exit(TIMEOUT if isinstance(error, Timeout) else CTRL_C if isinstance(error, Cancelled) else SCRIPT)
         except UserError as error:
             end_with_message(str(error), error.as_dict(), SCRIPT)
 
@@ -122,11 +123,6 @@ def _make_error_json(title: str, message: str, place: dict[str, Any] | None = No
     """Another error, with the same keys as for errors of scripts."""
     where = dict.fromkeys(PLACE) if place is None else place
     return {"code": None, "title": title, "message": message, **where, "hints": [], "related": [], **more}
-
-
-def _end_with_error(error: Error) -> NoReturn:
-    _print_to_stderr(format_printed_error(error))
-    sys.exit(TIMEOUT if isinstance(error, Timeout) else CTRL_C if isinstance(error, Cancelled) else SCRIPT)
 
 
 def format_printed_error(error: Error) -> str:
@@ -241,13 +237,14 @@ def read_count(value: Any) -> int:
     return sys.maxsize if text == "all" else int(text)
 
 
+SHOW_OPTION = click.option("--show", "shown", type=read_count, default=SHOWN, show_default=True, metavar="N|all",
+                           help="So many rows or paths of a table are shown.")  # fmt: skip
 add_output_options = add_options(
     click.option("--format", "form", type=click.Choice(FORMATS),
                  help="How the result is printed.  [default: table]"),
     click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
                  help="A file for the result; the end of its name says the format: .csv, .json, .parquet ..."),
-    click.option("--show", "shown", type=read_count, default=SHOWN, show_default=True, metavar="N|all",
-                 help="So many rows or paths of a table are shown."),
+    SHOW_OPTION,
 )  # fmt: skip
 
 

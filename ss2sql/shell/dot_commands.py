@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import click
 
-from ss2sql.cli.output import SHOWN, print_note, read_count
+from ss2sql.cli.output import SHOWN, print_line, print_note, read_count
 from ss2sql.cli.script_commands import ENGINES, KINDS, PICTURES, format_sql_with_parameters
 from ss2sql.cli.script_options import parse_parameter, parse_world, register_file
 from ss2sql.editor.keywords import keywords
@@ -157,39 +157,34 @@ def run_dot_command(shell: Shell, line: str) -> None:
 
 def _run_dot_help(shell: Shell, name: str) -> None:
     if not name:
-        shell.say(write_shell_overview())
+        lines = ["A statement ends with ; and may take several lines. For example:", "", f"  {EXAMPLE}", ""]
+        lines += _align_dot_columns((entry.form, entry.about) for entry in COMMANDS.values())
+        lines += ["", ".sql, .explain and .plot without more are about the last statement.",
+                  "Tab completes, Ctrl-R searches the history, Ctrl-C clears the line or cancels a run, Ctrl-D leaves.",
+                  ".help NAME explains a command, a function or a keyword: .help CONNECT BY"]  # fmt: skip
+        print_line("\n".join(lines))
         return
     command = COMMANDS.get(name) or COMMANDS.get(f".{name}")
     keyword = keywords().get(name.upper().split()[0])
     if command is not None:
         example = f"\n  {command.example}" if command.example else ""
-        shell.say(f"{command.form}: {command.about}{example}")
+        print_line(f"{command.form}: {command.about}{example}")
     elif keyword is not None:
-        shell.say(f"{keyword.text}: {keyword.about}")
+        print_line(f"{keyword.text}: {keyword.about}")
     else:
         _run_dot_functions(shell, name)
-
-
-def write_shell_overview() -> str:
-    """An overview for somebody who has never seen the shell."""
-    lines = ["A statement ends with ; and may take several lines. For example:", "", f"  {EXAMPLE}", ""]
-    lines += _align_dot_columns((entry.form, entry.about) for entry in COMMANDS.values())
-    lines += ["", ".sql, .explain and .plot without more are about the last statement.",
-              "Tab completes, Ctrl-R searches the history, Ctrl-C clears the line or cancels a run, Ctrl-D leaves.",
-              ".help NAME explains a command, a function or a keyword: .help CONNECT BY"]  # fmt: skip
-    return "\n".join(lines)
 
 
 def _run_dot_tables(shell: Shell, name: str) -> None:
     symbols = SymbolTable(shell.session)
     if name:
-        shell.say(shell.session.describe(name))
+        print_line(shell.session.describe(name))
     elif not symbols.tables:
-        shell.say("there are no tables; .attach NAME FILE.db brings those of a SQLite file\n"
+        print_line("there are no tables; .attach NAME FILE.db brings those of a SQLite file\n"
                   "lists and data frames are variables: .variables")  # fmt: skip
     else:
         names = {table: ", ".join(symbols.list_columns(table.partition("(")[0])) for table in symbols.tables}
-        shell.say("\n".join(_align_dot_columns(names.items(), cut=True)))
+        print_line("\n".join(_align_dot_columns(names.items(), cut=True)))
 
 
 def _run_dot_functions(shell: Shell, name: str) -> None:
@@ -200,17 +195,17 @@ def _run_dot_functions(shell: Shell, name: str) -> None:
         built_in = [entry for entry in symbols.functions.values() if not entry.reason]
         lines = [*_describe_dot_entries(own), *([""] if own else []), *_describe_dot_entries(built_in)]
         lines += ["", "after AS:", *_describe_dot_entries(symbols.representations.values())]
-        shell.say("\n".join(lines))
+        print_line("\n".join(lines))
     elif name in every:
         (line,) = _describe_dot_entries([every[name]])
-        shell.say(line.strip() + ("" if name in symbols.functions else f"\n  SELECT ... FROM ... AS {name}"))
+        print_line(line.strip() + ("" if name in symbols.functions else f"\n  SELECT ... FROM ... AS {name}"))
     else:
         raise CommandError(f"there is no function, command or keyword '{name}'", *suggest_names(name, every))
 
 
 def _run_dot_variables(shell: Shell, _: str) -> None:
     found = _align_dot_columns(SymbolTable(shell.session).variables.items(), cut=True)
-    shell.say("\n".join(found) or "there are no variables; x = 1; makes one")
+    print_line("\n".join(found) or "there are no variables; x = 1; makes one")
 
 
 def _describe_dot_entries(entries: Iterable[FunctionAbout]) -> list[str]:
@@ -285,17 +280,18 @@ def _find_result_or_compile(shell: Shell, text: str) -> Result | Query:
     """The result of the last statement; of a text, or of one that has no result, the compiled script."""
     if text:
         return shell.session.compile(text)
-    if shell.last is None:
+    if shell.source is None:
         raise CommandError("nothing has run yet", "run a statement first, or write one after the command")
-    return shell.last.result or shell.session.compile(shell.last.source)
+    return shell.result or shell.session.compile(shell.source)
 
 
 def _run_dot_sql(shell: Shell, text: str) -> None:
-    shell.say(format_sql_with_parameters(_find_result_or_compile(shell, text).sql))
+    print_line(format_sql_with_parameters(_find_result_or_compile(shell, text).sql))
 
 
 def _run_dot_plot(shell: Shell, rest: str) -> None:
-    if shell.last is None or shell.last.result is None:
+    """Draws the last result into a file, else into a window, else, without a screen, into a new file."""
+    if shell.result is None:
         raise CommandError("there is no result to draw", "run a query first")
     kind, path = "auto", None
     for word in rest.split():
@@ -306,13 +302,8 @@ def _run_dot_plot(shell: Shell, rest: str) -> None:
         else:
             raise CommandError(f".plot takes a file that ends in {', '.join(PICTURES)}, and what is drawn, not {word}",
                                f"what can be drawn: {', '.join(KINDS)}")  # fmt: skip
-    draw_shell_plot(shell, shell.last.result, kind, path)
-
-
-def draw_shell_plot(shell: Shell, result: Result, kind: str, path: Path | None) -> None:
-    """Draws a result into a file, else into a window, else, without a screen, into a new file."""
     pyplot = require_package("matplotlib.pyplot", "plot", ".plot")
-    figure = result.plot(kind=kind).figure
+    figure = shell.result.plot(kind=kind).figure
     try:
         if path is None and pyplot.get_backend().lower() not in WINDOWLESS:
             print_note("close the window to go on")
@@ -345,7 +336,7 @@ def _make_setting_command(name: str) -> DotCommand:
             print_note(change_setting(shell.settings, name, text))
         else:
             value = format_setting(getattr(shell.settings, name))
-            shell.say(f"{name}: {value}   (.{name} {entry.form}: {entry.about})")
+            print_line(f"{name}: {value}   (.{name} {entry.form}: {entry.about})")
 
     return DotCommand(f".{name} [{entry.form}]", entry.about, "setting", change_or_show)
 
@@ -362,7 +353,7 @@ _ALL = (
     DotCommand(".read FILE", "runs the statements of a file", "file", _run_dot_read),
     DotCommand(".sql [SCRIPT]", "the SQL that a script becomes", "script", _run_dot_sql, f".sql {EXAMPLE}"),
     DotCommand(".explain [SCRIPT]", "where queries run and why, and what was called how often", "script",
-            lambda shell, text: shell.say(_find_result_or_compile(shell, text).explain())),
+            lambda shell, text: print_line(_find_result_or_compile(shell, text).explain())),
     DotCommand(".plot [FILE] [KIND]", "draws the last result, in a window or in a file", "file", _run_dot_plot,
             ".plot paths.png graph"),
     *map(_make_setting_command, SETTINGS),

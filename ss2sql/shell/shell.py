@@ -13,13 +13,13 @@ import click
 from ss2sql.cli.output import (
     CTRL_C,
     SCRIPT,
-    SHOWN,
+    SHOW_OPTION,
     UserError,
     exit_with_code_on_error,
     format_printed_error,
     make_output,
+    print_line,
     print_note,
-    read_count,
     wants_color,
     writes_json,
 )
@@ -27,7 +27,6 @@ from ss2sql.cli.script_commands import add_run_options, build_partial_output, ru
 from ss2sql.cli.script_options import ScriptInputs, add_session_options
 from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, require_package
 from ss2sql.errors.exceptions import escape_controls
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.syntax.tokenizer import MAX_BYTES, make_script_size_error
@@ -49,21 +48,14 @@ class ExitRequest(Exception):  # noqa: N818 - no error
     """The user leaves the shell."""
 
 
-@dataclass(frozen=True, slots=True)
-class StatementRun:
-    """A statement that ran, with its result if it has one."""
-
-    source: Source
-    result: Result | None
-
-
 class Shell:
-    """A session with its settings, and the statement that ran last."""
+    """A session with its settings, and the statement that ran last, `source`, with its `result` if it has one."""
 
     def __init__(self, session: Session, settings: Settings | None = None) -> None:
         self.session = session
         self.settings = settings or Settings()
-        self.last: StatementRun | None = None
+        self.source: Source | None = None
+        self.result: Result | None = None
         self.failed = False  # whether any statement has
         self.cancelled = False  # whether Ctrl-C has ended a statement
         self.reading = 0  # the depth of files that read each other
@@ -90,7 +82,7 @@ class Shell:
         return True
 
     def _run_statement(self, source: Source) -> None:
-        self.last = StatementRun(source, None)
+        self.source, self.result = source, None
         try:
             result = run_script(self.session, source, **self.settings.make_run_options())
         except Stopped as stopped:
@@ -99,10 +91,10 @@ class Shell:
                 table = self.settings.format == "table"
                 self.print_result(stopped.partial if table else build_partial_output(self.session, stopped.partial))
             raise FileFailed from None
-        self.last = StatementRun(source, result)
+        self.result = result
         self.print_result(result, _find_typed_assignment(source) if result.answer is None else None)
         if self.settings.timer:
-            self.say(_format_shell_timer(result))
+            print_line(_format_shell_timer(result))
 
     def print_result(self, result: Result, assigned: str | None = None) -> None:
         """Prints a result; for an assignment a note, since its value is in the variable."""
@@ -112,10 +104,7 @@ class Shell:
         elif settings.format != "table" or result.answer is not None:
             make_output(settings.format, None, settings.show).write_result(result)
         elif result.value is not None:
-            self.say(_shorten_shell_output(str(result.value)))
-
-    def say(self, text: str) -> None:
-        click.echo(escape_controls(text))
+            print_line(_shorten_shell_output(str(result.value)))
 
     def print_error(self, error: BaseException) -> None:
         self.failed = True
@@ -219,31 +208,20 @@ def _read_shell_lines(stream: BinaryIO) -> Iterator[str]:
 @click.command("repl")
 @add_session_options
 @add_run_options
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(FORMS),
-    default="table",
-    show_default=True,
-    help="How results are printed.",
-)
-@click.option(
-    "--show",
-    type=read_count,
-    default=SHOWN,
-    show_default=True,
-    metavar="N|all",
-    help="So many rows or paths of a table are shown.",
-)
+@click.option("--format", "form", type=click.Choice(FORMS), default="table", show_default=True,
+              help="How results are printed.")  # fmt: skip
+@SHOW_OPTION
 @click.option("--history/--no-history", default=True, help="Whether what is typed is remembered for the next time.")
 @exit_with_code_on_error
-def repl_command(inputs: ScriptInputs, progress: bool | None, form: str, history: bool, **options: Any) -> None:
+def repl_command(
+    inputs: ScriptInputs, progress: bool | None, form: str, shown: int, history: bool, **options: Any
+) -> None:
     """Runs statements as they are typed. Without a terminal it reads them from standard input."""
     typed = sys.stdin.isatty()
     if typed:
         require_package("prompt_toolkit", "repl", "the shell")
     with inputs.open_session(progress) as session:
-        shell = Shell(session, Settings(format=form, **options))
+        shell = Shell(session, Settings(format=form, show=shown, **options))
         if typed:
             from ss2sql.shell.terminal import Terminal
 

@@ -11,10 +11,9 @@ import apsw
 
 from ss2sql.errors import Error
 from ss2sql.language.conversion import format_value as written
-from ss2sql.language.kinds import Type, type_of
+from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATOR_FUNCTIONS
 from ss2sql.language.plan_traversal import format_type
-from ss2sql.language.values import convert_value
 from ss2sql.results import cut_script
 from ss2sql.session.variables import (
     FunctionAbout,
@@ -23,13 +22,11 @@ from ss2sql.session.variables import (
     describe_table_call,
     describe_table_columns,
 )
-from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
     from ss2sql.session.session import Session
 
 MOST_VALUE = 50  # characters of a variable's value
-LOOKED_AT = 100  # elements of a variable, for its columns
 
 
 class SymbolTable:
@@ -119,31 +116,18 @@ class SymbolTable:
             for name, kind, unit, _, text in describe_table_columns(table) if table is not None else ():
                 yield name, "  ".join(part for part in (kind, unit, text) if part)
         elif source in names:
-            value = names.get_source(source) if source in names.frames else self._read_head(source)
-            of_lists = isinstance(value, (dict, Frame))
-            for name, of_column in type_of(value).columns or ():
-                yield (
-                    name,
-                    _format_symbol_type(of_column.element if of_lists and of_column.element is not None else of_column),
-                )
+            whole = self.host.make_catalog().variable_type(source)
+            of_lists = whole.kinds == Kind.DICT
+            for name, own in whole.columns or ():
+                yield name, _format_symbol_type(own.element if of_lists and own.element is not None else own)
         else:
             others = self.host.names.others
-            known = self.host.tables.list_columns(rest or source)
-            yield from ((name, "") for name in known)
-            if not known and others is not None:
+            found = self.host.tables.list_columns(rest or source)
+            yield from ((name, "") for name in found)
+            if not found and others is not None:
                 yield from ((name, _format_symbol_type(kind)) for name, kind in others.describe_table(source))
-
-    def _read_head(self, name: str) -> Any:
-        """The first elements of a variable: reading the types of 300,000 dicts would take 2 s."""
-        names = self.host.names
-        value = names.attached[name] if name in names.attached else names.values[name]
-        if isinstance(value, dict):
-            value = {key: column[:LOOKED_AT] if isinstance(column, list) else column for key, column in value.items()}
-        elif isinstance(value, (list, tuple)):
-            value = value[:LOOKED_AT]
-        return convert_value(value, f"the variable '{name}'", named=True)
 
 
 def _format_symbol_type(kind: Type) -> str:
-    """A type without bounds of numbers, since only a few elements were read."""
+    """A type without bounds of numbers."""
     return format_type(Type(kind.kinds, element=None if kind.element is None else Type(kind.element.kinds)))

@@ -12,7 +12,6 @@ from importlib import import_module
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_functions import (  # fmt: skip
