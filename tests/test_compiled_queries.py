@@ -39,6 +39,17 @@ def test_unknown_names_of_a_compiled_script_are_its_parameters(ss: ss2sql.Sessio
     assert query.run(least=1, engine=engine).value == [2]
 
 
+def test_parameters_are_given_by_name_or_as_a_mapping(ss: ss2sql.Session) -> None:
+    script = "SELECT this FROM [1, 2, 3] WHERE this > least AND this < timeout AS list;"
+    values = {"least": 1, "timeout": 3}
+    query = ss.compile(script)
+    for run in (query.run, lambda *given, **named: ss.run(script, *given, **named)):
+        assert run(values).value == run(parameters=values).value == run(parameters={"timeout": 3}, least=1).value == [2]
+        with pytest.raises(ss2sql.Error, match="parameters are values by their names"):
+            run(parameters=[1])
+    assert ss.eval(script, parameters=values) == [2]
+
+
 def test_a_source_may_be_a_parameter(ss: ss2sql.Session, engine: Any) -> None:
     query = ss.compile("SELECT name FROM people WHERE age > least AS list;")
     assert query.parameters == ("people",)  # the other names may be columns of it

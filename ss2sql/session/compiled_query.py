@@ -71,7 +71,14 @@ def check_engine_session(engine: Engine, session: Any) -> None:
         raise SessionError("S002", message, hints=("write connect(engine='duckdb', session=...)",))
 
 
-OPTIONS = ("engine", "timeout", "maximum", "workers", "max_rows")  # of `run`, which a misspelt name may mean
+OPTIONS = (
+    "engine",
+    "timeout",
+    "maximum",
+    "workers",
+    "max_rows",
+    "parameters",
+)  # of `run`, which a misspelt name may mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +99,13 @@ class RunOptions:
         check_run_limit("workers", self.workers, 1)
         check_run_limit("max_rows", self.max_rows, 0)
         check_run_limit("trace", self.trace, 1)
+
+
+def join_parameters(parameters: Mapping[str, Any] | None, variables: Mapping[str, Any]) -> dict[str, Any]:
+    """The values that a run is given by `parameters` and by names."""
+    if parameters is not None and not (isinstance(parameters, Mapping) and all(type(n) is str for n in parameters)):
+        raise SessionError("S002", "parameters are values by their names", hints=('write parameters={"k": 1}',))
+    return {**(parameters or {}), **variables}
 
 
 def open_session_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:

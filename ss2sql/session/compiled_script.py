@@ -54,7 +54,14 @@ from ss2sql.runtime.run.run_state import (
     translate_memory_error,
 )
 from ss2sql.runtime.run.value_sizes import ValueSizes
-from ss2sql.session.compiled_query import OPTIONS, CompiledQuery, Engine, RunOptions, compile_expression
+from ss2sql.session.compiled_query import (
+    OPTIONS,
+    CompiledQuery,
+    Engine,
+    RunOptions,
+    compile_expression,
+    join_parameters,
+)
 from ss2sql.session.variables import predict_variables
 
 if TYPE_CHECKING:
@@ -256,12 +263,15 @@ class Query:
         missing = [name for name in self.parameters if name not in self._host.names]
         return explain_run(outline_compiled_script(self.statements()), missing=missing)
 
-    def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
-            workers: int = 1, max_rows: int | None = None, trace: int | None = None,
-            **variables: Any) -> Result:  # fmt: skip
+    def run(self, engine: Engine | Mapping[str, Any] | None = None, timeout: float | None = None,
+            maximum: int | None = None, workers: int = 1, max_rows: int | None = None, trace: int | None = None,
+            parameters: Mapping[str, Any] | None = None, **variables: Any) -> Result:  # fmt: skip
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
+        if isinstance(engine, Mapping):  # run(..., {"k": 1})
+            parameters, engine = engine, None
+        values = join_parameters(parameters, variables)
         options = RunOptions(engine, timeout, maximum, workers, max_rows, trace)
-        return self._execute(lambda run, values: self, options, variables)
+        return self._execute(lambda run, known: self, options, values)
 
     def spark(self, timeout: float | None = None, maximum: int | None = None, **variables: Any) -> Any:
         """The rows of `run(engine="spark")` as a DataFrame in the session of Spark that `connect` was given.

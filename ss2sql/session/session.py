@@ -35,7 +35,7 @@ from ss2sql.runtime.run.run_state import (
 from ss2sql.runtime.run.value_sizes import MAX_SIZE
 from ss2sql.runtime.sqlite.connections import close_file, lock_down_connection, open_sqlite_file
 from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path, find_sqlite_path
-from ss2sql.session.compiled_query import Engine, RunOptions, check_engine, check_engine_session
+from ss2sql.session.compiled_query import Engine, RunOptions, check_engine, check_engine_session, join_parameters
 from ss2sql.session.compiled_script import (
     Query,
     check_progress_option,
@@ -402,12 +402,13 @@ class Session:
     def run(
         self,
         script: str | Path | Source,
-        engine: Engine = "auto",
+        engine: Engine | Mapping[str, Any] = "auto",
         timeout: float | None = None,
         maximum: int | None = None,
         workers: int = 1,
         max_rows: int | None = None,
         trace: int | None = None,
+        parameters: Mapping[str, Any] | None = None,
         **variables: Any,
     ) -> Result:
         """Runs a script.
@@ -425,8 +426,9 @@ class Session:
                 rows in the graph of MEMORIZE.
             trace: keeps the first so many events of the search that the script ends with, which then runs natively:
                 see `Result.trace`.
-            variables: values for names of the script, for this run only. The script need not use them all; a name that
-                it lacks and that is nearly an option, such as `timout`, is an error.
+            parameters: values for names of the script, for this run only; `run(script, {"k": 1})` is the same.
+            variables: the same as `run(script, k=1)`, where the name is none of the above. The script need not use them
+                all; a name that it lacks and that is nearly an option, such as `timout`, is an error.
 
         Returns:
             The result of the last statement.
@@ -436,10 +438,11 @@ class Session:
             OutOfSteps and Cancelled, whose `partial` is the result so far; whatever a registered function raised, with
             a note that names the line of the script.
         """
+        if isinstance(engine, Mapping):  # run(..., {"k": 1})
+            parameters, engine = engine, "auto"
+        values = join_parameters(parameters, variables)
         options = RunOptions(engine, timeout, maximum, workers, max_rows, trace)
-        return self.execute(
-            lambda run, values: self._get_compiled(script, engine, values, run.stats), options, variables
-        )
+        return self.execute(lambda run, known: self._get_compiled(script, engine, known, run.stats), options, values)
 
     def eval(self, script: str | Path, **variables: Any) -> Any:
         """The value of a script: `run(script, **variables).value`."""
