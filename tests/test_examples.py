@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 from example_pages import EXAMPLES, play
 
-SIMULATED = ("chaos", "facts", "navigation", "sensors")  # tested in test_examples_worlds.py
+import ss2sql
+
+SIMULATED = ("chaos", "facts", "navigation", "sensors")
 NAMES = tuple(sorted(("converters", "errors", "hanoi", "hierarchy", "map_colouring", "robot", *SIMULATED)))
 SLOWEST = 60  # seconds of processor time for one example; nearly all of it is the map in its nested forms
 
@@ -148,6 +150,34 @@ def test_converters_reach_every_format_by_the_cheapest_chain():
     assert {chain[-1]: ["csv", *chain] for chain in chains} == ways
     assert [prices[chain[-1]] for chain in chains] == sorted(prices.values())
     assert all(" > ".join(["csv", *chain]) in example.text for chain in chains)
+
+
+# --- sensors --------------------------------------------------------------------------------------------
+
+
+def test_the_alarm_tells_every_change_while_the_robot_drives():
+    pytest.importorskip("pybullet")
+    from ss2sql.vtables.pybullet import PyBulletWorld
+
+    example = play("sensors")
+    log = []
+    with ss2sql.scenes.hall(seed=0) as hall:
+        space = PyBulletWorld(hall)
+
+        def seeing() -> list[str]:
+            return [hall.names[sensor] for sensor in sorted(hall.sensors) if space.isSensing(sensor, "YouBot")]
+
+        before = seeing()
+        assert list(example.result("4_alarm")) == [(name,) for name in before]
+        for x, y in example.module["spots"]():
+            space.move("YouBot", [x, y])
+            hall.step(24)
+            if seeing() != before:
+                before = seeing()
+                log.append((f"{x:.1f}", f"{y:.1f}", ", ".join(before) or "nobody"))
+    assert log
+    assert re.findall(r" s  at \((.*), (.*)\)  (\S.*?)\s*$", example.text, re.MULTILINE) == log
+    assert f"{len(log)} changes" in example.text
 
 
 # --- the demonstration ---------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Planning in the hall: paths that hold in the simulator, no question asked twice, and the shortest way.
+"""Planning in the hall: paths that hold in the simulator, and the shortest way.
 
 The floor is asked for collisions by PyBullet's own functions: the robot is put there, and every body is asked how near
 it is.
@@ -6,7 +6,6 @@ it is.
 
 from __future__ import annotations
 
-from collections import Counter, deque
 from collections.abc import Iterator
 from itertools import pairwise
 from math import dist
@@ -29,23 +28,6 @@ START, TARGET = (4.0, 3.0), (10.0, 9.0)
 
 MOVING = (EXAMPLES / "navigation" / "1_paths.ss").read_text("utf-8")  # the listing of the paper
 BEST = (EXAMPLES / "navigation" / "2_best.ss").read_text("utf-8")
-
-
-def replaced(script: str, *changes: tuple[str, str]) -> str:
-    for old, new in changes:
-        assert old in script
-        script = script.replace(old, new)
-    return script
-
-
-# The same, with a test that moves nothing in the place of those that do.
-PURE = replaced(
-    MOVING,
-    ("move(robot, this + cur_pos)", "this + cur_pos"),
-    ("move(robot, cur_pos + this)", "cur_pos + this"),
-    ("move(robot, this+cur_pos)", "this + cur_pos"),
-    ("IF(checkCollision(robot);", "IF(collision(robot, this + cur_pos);"),
-)
 
 
 class Floor:
@@ -93,29 +75,6 @@ class Floor:
             assert all((b[0] - a[0], b[1] - a[1]) in DIRECTIONS for a, b in pairwise([START, *spots]))
             assert not any(map(self.collides, spots))
 
-    def steps(self) -> Iterator[tuple[Spot, int, Spot, bool]]:
-        """All (place, level, direction) that the search of the paper has to look at, and whether it asks there.
-
-        Each place is gone on from once, from the level where it was reached first. A direction that leads back to a
-        place that was reached before is known by its row, and not looked at. The start has been left, and not reached:
-        it may come again.
-        """
-        reached: set[Spot] = set()
-        waiting = deque([(START, 1)])
-        while waiting:
-            here, level = waiting.popleft()
-            for x, y in DIRECTIONS:
-                spot = here[0] + x, here[1] + y
-                if spot in reached:
-                    continue
-                free = spot != TARGET and dist(spot, TARGET) <= 0.5 * (20 - level)
-                yield here, level, (x, y), free
-                if spot == TARGET:
-                    reached.add(spot)
-                elif free and not self.collides(spot):
-                    reached.add(spot)
-                    waiting.append((spot, level + 1))
-
 
 @pytest.fixture(scope="module")
 def floor() -> Iterator[Floor]:
@@ -137,28 +96,8 @@ def paths(floor: Floor) -> list[Any]:
 def test_the_example_tells_what_it_asked_and_shows_a_picture(floor: Floor, paths: list[Any]) -> None:
     example = play("navigation")
     assert example.value("1_paths") == paths
-    asked = [(x + dx, y + dy) for (x, y), _, (dx, dy), free in floor.steps() if free]
-    assert example.result("1_paths").stats.calls["checkCollision"] == len(asked)
-    assert f"the bell rang {sum(map(floor.collides, asked))} times" in example.text
-    assert f"{len(asked)} calls of checkCollision" in example.text
+    assert f"{example.result('1_paths').stats.calls['checkCollision']} calls of checkCollision" in example.text
     assert example.picture("navigation.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_test_that_moves_nothing_asks_once_for_each_pose(floor: Floor, paths: list[Any]) -> None:
-    asked: Counter[Spot] = Counter()
-    with floor.session() as ss:
-
-        @ss.function(volatility="stable")
-        def collision(robot: str, spot: list[float]) -> bool:
-            asked[spot[0], spot[1]] += 1
-            return floor.space.collision(robot, spot)
-
-        result = ss.run(PURE)
-    assert floor.where() == floor.start
-    assert result.value == paths
-    assert set(asked.values()) == {1}
-    assert set(asked) == {(x + dx, y + dy) for (x, y), _, (dx, dy), free in floor.steps() if free}
-    assert asked.total() == result.stats.calls["collision"]
 
 
 def test_the_best_path_costs_what_networkx_says(floor: Floor, engine: Any) -> None:
@@ -170,7 +109,7 @@ def test_the_best_path_costs_what_networkx_says(floor: Floor, engine: Any) -> No
     grid.add_weighted_edges_from((one, other, dist(one, other)) for one, other in ways if other in free)
     for target in [TARGET, *(spot for spot in free[::9] if networkx.has_path(grid, START, spot) and spot != START)]:
         with floor.session() as ss:
-            script = replaced(BEST, ("[10.0, 9.0]", str(list(target))))
+            script = BEST.replace("[10.0, 9.0]", str(list(target)))
             result = ss.run(script, engine=engine)
         ((*path,),) = result.value
         assert (tuple(path[-1]), result.engine) == (target, engine)
