@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections import Counter
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +19,7 @@ from programs.drawn import amount, drawn
 import ss2sql
 from ss2sql.bench import BenchRules, StatementRuns, make_runs, parse_strategy
 from ss2sql.bench import runs as deciding
-from ss2sql.bench.raced_strategies import WEIGHTS, list_strategies
+from ss2sql.bench.raced_strategies import list_strategies
 from ss2sql.bench.runs import Answer, Verdict, compare_answer_groups, compare_answers, find_reason_answers_differ
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast
@@ -132,62 +129,6 @@ def answer(options: str, *paths: str, cut: bool = False) -> Answer:
     return Answer(parse_strategy(options, ()), [[(row,) for row in path] for path in paths], cut)
 
 
-# --- what the language promises of the paths that two strategies of one search find ---------------------
-
-
-def bound_of(answer: Answer) -> int | None:
-    """The bound of MEMORIZE, where it is a number."""
-    bound = answer.strategy.texts.get("MEMORIZE", "").removeprefix("MEMORIZE ")
-    return int(bound) if bound.isdigit() else None
-
-
-def broken_law(own: Answer, other: Answer, unnamed: Sequence[str], ordered: bool = True) -> str | None:
-    """The law that `other` breaks, alone or beside an answer of the script's own strategy, if any.
-
-    `unnamed` as in `compare_answers`. `ordered`: the order is the search's own.
-    """
-    rule, order, bound = other.strategy.repeats, other.strategy.order, bound_of(other)
-    lengths = [len(path) for path in other.paths]
-    if rule and any(len(set(path)) < len(path) for path in other.paths):
-        return "a row repeats on a path"
-    if rule == "UNIQUE" and len(other.ends) < len(other.paths):
-        return "a row is reached twice"
-    if bound is not None and max(lengths, default=0) > bound:
-        return "longer than its bound"
-    by_length = order == "BREADTH FIRST" or (rule == "MEMORIZE" and order not in WEIGHTS)
-    if ordered and by_length and any(a > b for a, b in pairwise(lengths)):
-        return "a longer path before a shorter one"
-    dropping = [one.strategy.order == "PROBABILITY" for one in (own, other)]  # steps of probability 0
-    if own.cut or other.cut:
-        same = own.strategy.repeats == rule and rule in ("", "NO CYCLE") and own.cut and other.cut
-        return "another number" if same and not any(dropping) and len(own.paths) != len(other.paths) else None
-    if "UNIQUE" in (own.strategy.repeats, rule):
-        unique, wider = (own, other) if own.strategy.repeats == "UNIQUE" else (other, own)
-        return broken_by_unique(unique, wider, settled=not unnamed)
-    if "MEMORIZE" in (own.strategy.repeats, rule) and unnamed:
-        return None
-    one, two = allowed(other, own.paths), allowed(own, other.paths)
-    return "other paths" if (one - two and not dropping[1]) or (two - one and not dropping[0]) else None
-
-
-def broken_by_unique(unique: Answer, wider: Answer, settled: bool) -> str | None:
-    """UNIQUE finds some of the paths, one to every row; `settled`: equal rows go on equally."""
-    whole, every = (one.strategy.order != "PROBABILITY" for one in (unique, wider))
-    if every and wider.strategy.repeats in ("", "NO CYCLE") and set(unique.paths) - set(wider.paths):
-        return "a path of UNIQUE that there is not"
-    if settled and whole and wider.ends - unique.ends:
-        return "a row is not reached"
-    if settled and every and wider.strategy.repeats != "MEMORIZE" and unique.ends - wider.ends:
-        return "a row that there is not"
-    return None
-
-
-def allowed(answer: Answer, paths: Iterable[tuple]) -> Counter:
-    """The paths that the strategy of an answer could find."""
-    bound, simple = bound_of(answer), bool(answer.strategy.repeats)
-    return Counter(p for p in paths if (bound is None or len(p) <= bound) and (not simple or len(set(p)) == len(p)))
-
-
 ALL = answer("DEPTH FIRST", "aba", "ab", "b", "bc")
 EVERY = answer("DEPTH FIRST", "ab", "b", "abc", "bc")
 ONE = answer("UNIQUE", "b", "bc")
@@ -220,7 +161,6 @@ THREE = answer("DEPTH FIRST MAXIMUM 3", "aba", "ab", "b", cut=True)
 def test_promised_differences(one: Answer, other: Answer, unnamed: tuple[str, ...], words: str) -> None:
     verdict = compare_answers(one, other, unnamed)
     assert (verdict.words, verdict.same) == (words, words.startswith("same"))
-    assert broken_law(one, other, unnamed) is None
 
 
 def test_rows_of_groups() -> None:
@@ -321,13 +261,7 @@ def test_what_comes_up_against_a_limit_of_the_session_is_out_of_the_race(limits:
 def test_random_programs_keep_their_promises(case: ProgramCase) -> None:
     if "CONNECT BY" not in case.script:
         return
-
-    def judged(own: Answer, other: Answer, unnamed: tuple[str, ...]) -> Verdict:
-        broken = broken_law(own, other, unnamed, "ORDER BY" not in case.script)
-        return Verdict(broken, True) if broken else compare_answers(own, other, unnamed)
-
-    with session_for(case) as ss, pytest.MonkeyPatch.context() as patched:
-        patched.setattr(deciding, "compare_answers", judged)
+    with session_for(case) as ss:
         try:
             found = raced(ss, case.script, BenchRules(repeat=1, timeout=0.5))
         except Exception:  # the script itself fails
