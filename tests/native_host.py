@@ -1,4 +1,4 @@
-"""A small host for the native executor: a session without rewrites and without a memo, and the places of errors."""
+"""A session on the native engine without rewrites and without a memo, and the places of errors."""
 
 from __future__ import annotations
 
@@ -9,19 +9,13 @@ from typing import Any
 import ss2sql
 from ss2sql.errors import Error
 from ss2sql.language import plan
-from ss2sql.runtime.run.run_state import Run
 from ss2sql.session.session import OFF_SWITCHES
 
 
 @cache
 def plain() -> ss2sql.Session:
+    """The session of all hosts without functions: to open one takes long."""
     return ss2sql.connect(disable=list(OFF_SWITCHES))
-
-
-def emptied() -> ss2sql.Session:
-    """The session of all hosts without functions, without the variables of the one before: to open one takes long."""
-    plain().run("clear();")
-    return plain()
 
 
 class FakeHost:
@@ -36,14 +30,12 @@ class FakeHost:
         volatility: dict[str, plan.Volatility] | None = None,
         **variables: Any,
     ) -> None:
-        self.session = ss2sql.connect(disable=list(OFF_SWITCHES)) if functions else emptied()
+        self.session = ss2sql.connect(disable=list(OFF_SWITCHES)) if functions else plain()
+        self.session.run("clear();")
         for name, function in (functions or {}).items():
             self.session.function(name, function, volatility=(volatility or {}).get(name, "immutable"))
         for name, value in variables.items():
             self.session.set(name, value)
-
-    def start(self) -> Run:
-        return Run(self.session.host)
 
     def result(self, script: str) -> ss2sql.Result:
         return self.session.run(script, engine="native")

@@ -70,9 +70,3 @@ def test_compiling_what_is_nested_takes_no_exponential_time(ss: ss2sql.Session, 
 
     compiled(ss, "SELECT this FROM xs")
     assert calls(2 * levels) < 9 * calls(levels)
-
-
-# --- the judge -----------------------------------------------------------------------------------------
-
-
-# --- the changes ---------------------------------------------------------------------------------------

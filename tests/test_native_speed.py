@@ -5,13 +5,11 @@ from __future__ import annotations
 import gc
 from collections import Counter
 from collections.abc import Callable
-from functools import wraps
 from typing import Any
 
 import pytest
 
 import ss2sql
-from ss2sql.runtime.python import single_calls
 from ss2sql.runtime.run.run_state import Run
 
 
@@ -128,40 +126,7 @@ def test_each_list_of_successors_is_one_call(options: str, shown: Any, kind: Any
     assert steps.calls == Counter(repr(steps.states[n]) for n in reached)
 
 
-@pytest.mark.parametrize("options", OPTIONS)
-@pytest.mark.parametrize("elements", ["[1, 2, 2, 7, 1]", "[[1], [2], [2]]", "[[1], [1.0]]"])
-def test_elements_that_occur_twice(elements: str, options: str) -> None:
-    Steps().run(script(options, elements))
-
-
-@pytest.mark.parametrize(
-    "more", ["1;", "x = go(1, first);", "SELECT go(this, first) FROM [1, 2, 7] AS list;", "eval('go(1, first)');"]
-)
-def test_a_function_that_is_called_elsewhere_too(more: str) -> None:
-    assert Steps().run(f"{more} {script('UNIQUE')}; {more}").stats.calls["go"] == 3 * STATES
-
-
 SEARCH = script("UNIQUE")
-
-
-@pytest.fixture
-def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """How many calls of each function are made without a memory."""
-    counts: Counter[str] = Counter()
-
-    @wraps(single_calls.make_single_call_variants)
-    def ways_to_call(run: Run, function: Any, *given: Any) -> Any:
-        once, remembered, count = made(run, function, *given)
-
-        def noted(*arguments: Any) -> Any:
-            counts[function.name] += 1
-            return once(*arguments)
-
-        return noted if once is not remembered else once, remembered, count
-
-    made = single_calls.make_single_call_variants
-    monkeypatch.setattr(single_calls, "make_single_call_variants", ways_to_call)
-    return counts
 
 
 @pytest.mark.parametrize(
@@ -176,17 +141,15 @@ def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         script("COST this HEURISTIC (n % 5) * 20 UNIQUE"),  # reached again for less, a row is expanded again
         script("UNIQUE", more=" OR go(1, n) == -1"),
         SEARCH.replace("FROM [1, 2, 7]", "FROM a = [1, 2], b = [3]").replace("this", "a.this"),
+        *(f"{more} {SEARCH}; {more}" for more in (
+            "x = go(1, first);", "SELECT go(this, first) FROM [1, 2, 7] AS list;", "eval('go(1, first)');")),
+        *(script(options, elements) for options in OPTIONS
+          for elements in ("[1, 2, 2, 7, 1]", "[[1], [2], [2]]", "[[1], [1.0]]")),
     ],
-)
-def test_searches_whose_calls_are_not_all_new_ones(query: str, forgotten: Counter[str]) -> None:
+)  # fmt: skip
+def test_searches_whose_calls_are_not_all_new_ones(query: str) -> None:
+    """Elements that occur twice, and functions that are called elsewhere, too."""
     Steps().run(query)
-    assert not forgotten
-
-
-@pytest.mark.parametrize("options", OPTIONS)
-def test_searches_whose_calls_are_all_new_ones(options: str, forgotten: Counter[str]) -> None:
-    Steps().run(script(options))
-    assert forgotten["go"] == 3 * (STATES - 1)  # the start may be a row, too
 
 
 @pytest.mark.parametrize("options", OPTIONS)
