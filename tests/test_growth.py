@@ -92,7 +92,7 @@ def test_the_work_grows_with_the_size(script: str, power: str, engine: Engine, m
 
 @each_row("queries/growth", "script", "power")
 def test_the_values_are_those_of_trying_all(script: str, power: str, engine: Engine) -> None:
-    case = make_case(script, 40)
+    case = make_case(script, 20)
     assert executor_outcome(case, engine) == reference_outcome(case)
 
 

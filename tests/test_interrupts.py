@@ -41,7 +41,7 @@ def cancelled(ss: ss2sql.Session, script: str, engine: Any = "auto") -> ss2sql.C
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize(("presses", "kinds"), [(10, SIX), *(pytest.param(100, [n], marks=SLOW) for n in KINDS)])
+@pytest.mark.parametrize(("presses", "kinds"), [(5, SIX), *(pytest.param(100, [n], marks=SLOW) for n in KINDS)])
 def test_of_a_hundred_runs_a_hundred_are_cancelled(tmp_path: Path, presses: int, kinds: Any) -> None:
     program = [sys.executable, interrupting.__file__, str(tmp_path), str(presses), "1", *kinds]
     done = subprocess.run(program, capture_output=True, text=True, timeout=600)

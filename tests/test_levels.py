@@ -217,7 +217,7 @@ def test_explain_tells_of_levels(ss: ss2sql.Session) -> None:
 def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], grouped: bool, states: int) -> None:
     """Of some searches the first steps are tried in memory."""
     script = level_searches.script_of(parts, strategy, shown, grouped)
-    with ss2sql.connect(engine="duckdb") as ss, pytest.MonkeyPatch.context() as patch:
+    with ss2sql.connect(engine="duckdb", session=OWN) as ss, pytest.MonkeyPatch.context() as patch:
         patch.setattr(level_steps, "MAX_STATES", states)
         ss.set("moves", MOVES)
         try:
