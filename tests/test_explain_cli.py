@@ -44,24 +44,6 @@ def test_analyze_alone_runs_and_tells_what_was_done() -> None:
     assert "the run: complete, 2 rows, " in found.stdout
 
 
-def test_json_has_what_the_text_has() -> None:
-    found = facts("-e", COUNT.format("STOP WITH n == 4"), "--analyze")
-    run = found["run"]
-    assert (run["status"], run["paths"], run["generated"]) == ("complete", 3, 4)
-    assert {"parse", "resolve", "lower", "compile", "run", "shape"} == set(run["seconds"])
-    assert facts("-e", "1 + 1;")["statements"] == [{"text": "1 + 1", "queries": []}]
-
-
-def test_parameters_files_and_engines() -> None:
-    Path("query.ss").write_text("SELECT this FROM numbers WHERE this > least;")
-    given = ("query.ss", "-p", "numbers", "[1, 2]", "-p", "least", "1")
-    assert facts(*given)["statements"][0]["queries"][0]["engine"] == "native"
-    assert facts(*given, "--engine", "database")["statements"][0]["queries"][0]["engine"] == "database"
-    (query,) = facts(*given, "--engine", "native")["statements"][0]["queries"]
-    assert (query["engine"], query["sql"]) == ("native", None)
-    assert query["plan"] == []
-
-
 def test_a_run_that_is_broken_off_is_explained_nevertheless() -> None:
     call("-e", COUNT.format("LIMIT 1"), "--analyze")  # all is loaded then, and the next run begins in time
     found = call("-e", COUNT.format(""), "--analyze", "--timeout", "0.5")

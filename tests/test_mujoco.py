@@ -80,15 +80,6 @@ def test_functions_take_a_shape_for_itself_and_not_for_the_body_of_its_number(
         answer(ss, "SELECT above(this, 1) FROM space.joints AS list;", engine)
 
 
-def test_columns_of_a_body_are_read_by_its_id_or_name(ss: ss2sql.Session, engine: Any) -> None:
-    assert answer(ss, "[mass('ball'), mass(1), pos('lift')];", engine) == [60.0, 60.0, [-3.0, 0.0, 1.0]]
-    for script in ("mass('plane');", "position('plane');"):
-        with pytest.raises(
-            ss2sql.ExecutionError, match=r"no body is called 'plane'\n(.*\n)*.*(known here:|names are) "
-        ):
-            answer(ss, script, engine)
-
-
 def test_a_name_of_several_bodies_is_none_of_one() -> None:
     model = mujoco.MjModel.from_xml_string(
         "<mujoco><worldbody><body pos='1 0 0'/><body pos='2 0 0'/><body name='only'/></worldbody></mujoco>"

@@ -86,6 +86,7 @@ def script(options: str, elements: str = "[1, 2, 7]", shown: str = "go(this, n)"
 SHOWN: dict[str, Callable[[int], Any]] = {
     "numbers": lambda number: number, "text": lambda number: f"s{number}", "lists": lambda number: [[number], []],
     "floats": lambda number: [number / 2, 1], "dicts": lambda number: {"at": number},
+    "deep": lambda number: [[[number]] if number % 2 else [number]],
     "objects": lambda number: THINGS[number],  # each call is a new one only by what it is given
 }  # fmt: skip
 

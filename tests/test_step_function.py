@@ -8,32 +8,7 @@ from typing import Any
 import pytest
 
 import ss2sql
-from ss2sql.language.values import FrozenShapes, freeze_any, freeze_flat, freeze_nested, thaw_value
 from ss2sql.runtime.python.located_code import copy_tree
-
-
-@pytest.mark.parametrize("value", [1, "a", None, [], [1, 2.0], [[1], []], [[1], 2], {"a": [1]}, [{"a": 1}], [[[1]]]])
-def test_frozen_values_come_back_as_they_were(value: Any) -> None:
-    for freezer in (freeze_any, freeze_flat, freeze_nested):
-        assert repr(thaw_value(freezer(value))) == repr(value)
-        hash(freezer(value))
-
-
-@pytest.mark.parametrize("freezer", [freeze_any, freeze_flat, freeze_nested])
-def test_frozen_values_are_equal_where_values_are(freezer: Any) -> None:
-    values: list[Any] = [
-        1, 1.0, True, [1], [1.0], [[1]], [[True]], {"a": 1}, {"a": 1.0}, [{"a": 1}], [], [[]], "", None,
-    ]  # fmt: skip
-    for one in values:
-        for other in values:
-            assert (freezer(one) == freezer(other)) is (one == other), (one, other)
-
-
-def test_the_rows_of_paths_are_thawed_where_they_are_frozen() -> None:
-    thawing = FrozenShapes(("flat",), ("flat",)).make_row_thaw()
-    assert thawing is not None
-    assert thawing([((1, 2),), ((3, 4),)]) == (([1, 2],), ([3, 4],))
-    assert FrozenShapes(("flat",), ("scalar",)).make_row_thaw() is None
 
 
 def test_a_list_that_contains_itself_is_refused_at_once() -> None:
