@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from balls import Balls, BallWorld, Box
 
 import ss2sql
-from ss2sql.vtables import Column, Table, World, function
+from ss2sql.vtables import function
 
 
 class MishapError(Exception):
@@ -24,29 +25,18 @@ def fail(*values: Any) -> Any:
     raise MishapError("no")
 
 
-class Balls(Table):
-    name = "balls"
-    columns = (Column("x", float), Column("heavy", float))
-    groups = {"place": "x", "weight": "heavy"}
-
-    def keys(self, where: Any) -> list[int]:
-        return [1, 2]
-
-    def place(self, key: int) -> float:
-        return float(key)
-
-    def weight(self, key: int) -> float:
+class Failing(Balls):
+    def dynamics(self, key: int) -> Any:
         raise MishapError("no")
 
 
-class BallWorld(World):
-    tables = (Balls,)
+class FailingWorld(BallWorld):
+    tables = (Failing,)
+    representations = {"pile": "pile"}
 
     @function("stable")
     def weigh(self, ball: Any) -> float:
         raise MishapError("no")
-
-    representations = {"pile": "pile"}
 
     def pile(self, table: Any) -> Any:
         raise MishapError("no")
@@ -55,7 +45,7 @@ class BallWorld(World):
 @pytest.fixture
 def failing(ss: ss2sql.Session) -> ss2sql.Session:
     """A session in which `fail`, its forms, two representations, and much of a world raise an exception."""
-    ss.attach("world", BallWorld())
+    ss.attach("world", FailingWorld(Box.row(2)))
     ss.function("fail", fail, volatility="immutable")
     ss.function("arrays", fail, vectorized=True)
     ss.function("add", fail)
@@ -170,7 +160,7 @@ def test_a_column_of_a_world(failing: ss2sql.Session, engine: Any, script: str) 
     assert error.span.place == "<script>:2:6"
     assert type(error.__cause__) is MishapError
     frames = pytest.ExceptionInfo.from_exception(error.__cause__).traceback
-    assert frames[-1].name == "weight"
+    assert frames[-1].name == "dynamics"
 
 
 @pytest.mark.parametrize(

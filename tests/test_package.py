@@ -213,14 +213,6 @@ def test_imports_run_downwards():
     assert upward == []
 
 
-def test_a_file_name_stands_for_one_concept():
-    """One stands twice: the concept as the plan has it and as the database has it."""
-    twice = {"from_clause.py"}
-    names = Counter(path.name for path in PACKAGE.rglob("*.py") if not path.name.startswith("__"))
-    assert {name for name, count in names.items() if count > 1} == twice
-    assert max(names.values()) == 2
-
-
 def test_rooms_stay_small():
     lines = Counter()
     for path in PACKAGE.rglob("*.py"):

@@ -47,22 +47,11 @@ def in_line(ss: ss2sql.Session, script: str) -> str:
     return " ".join(in_dialect(ss, script, "postgres").split())
 
 
-EXPRESSIONS = """t.this + t.this; l.this + [9]; n.this + x.this; n.this / 2; x.this / 2; (n.this - 3) % 3; n.this % 3
-n.this % -2; n.this ^ 2; n.this ^ 1; -n.this; -x.this; -(-x.this); abs(x.this); abs(-n.this); sqrt(n.this)
-min(n.this, 3); max(t.this, 'b'); max([n.this]); n.this * 0.5; n.this - 1 - x.this; 1.5e300 * 10
-n.this == None; None != t.this; x.this == None; n.this < x.this; n.this == 1.0; t.this == 'ab'; b.this == True
-l.this == [1, 2]; 'a' in t.this; 'z' not in t.this; n.this in [1, 2]; n.this in l.this; x.this in [1, 2]
-len(t.this); len(l.this); l.this[0]; [n.this, 2]; [[], ['a']]; this; None; b.this
-t.this[0:1]; t.this[n.this + 1:7]; t.this[n.this:3]; t.this[n.this:n.this + 1]; t.this[1:n.this]
-b.this AND n.this; b.this OR x.this; NOT t.this; b.this XOR n.this; IF(b.this, n.this, 0)
-IF(n.this > 1, None, n.this) == n.this; IF(n.this > 1, None, n.this) AND b.this; IF(b.this, None, t.this) OR b.this
-IF(n.this > 1, None, b.this) OR b.this; IF(b.this, None, x.this) != x.this"""
 FROM = "FROM n = [1, 2, 5], x = [0.5, -1.5], t = ['ab', 'c'], b = [True, False], l = [[1, 2], [3, 1]]"
-
-
-WRITTEN = [one for one in EXPRESSIONS.replace("\n", "; ").split("; ") if one]
 SCRIPTS = [
-    *(f"SELECT {one.replace(', ', ';') if one.startswith('IF') else one} {FROM} AS rows" for one in WRITTEN),
+    f"SELECT n.this + 1, IF(b.this; x.this; None), l.this[0], t.this[0:1] {FROM} WHERE NOT b.this XOR n.this AS rows",
+    f"SELECT IF(n.this > 1; None; n.this) == n.this, IF(b.this; None; x.this) != x.this {FROM} AS rows",
+    f"SELECT IF(n.this > 1; None; n.this) AND b.this, IF(n.this > 1; None; b.this) OR b.this {FROM} AS rows",
     "SELECT q.kind, n.this FROM q = (SELECT kind, to(count(*), many) FROM rows GROUP BY kind),"
     " n = (SELECT 7 FROM [1, 2] AS list) WHERE many > 1 AS rows",
     "SELECT this + 1 FROM range(0) AS rows",

@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 import worker_functions
+from command_lines import call, good
 from golden import each_row
 from sessions import code_of
 
@@ -443,16 +444,9 @@ def test_functions_of_the_script_that_runs(tmp_path: Path, guard: str, way: str,
     assert bool(done.stderr) == bool(said)
 
 
-def test_the_command_line(tmp_path: Path) -> None:
-    source = "import time\ndef onward(n, m):\n    for k in range(20000): n += 0\n    return (n * 7 + m) % 53\n"
-    (tmp_path / "functions.py").write_text(source)
-    command = [sys.executable, "-m", "ss2sql", "run", "--functions", str(tmp_path / "functions.py")]
-    command += ["--format", "json", "-e"]
-    search = graph("WHERE onward(n, this) == 7")
-    one, two, none = (
-        subprocess.run([*command, *more], capture_output=True, text=True, timeout=60)
-        for more in ([search], [search, "--workers", "2"], ["1;", "--workers", "2"])
-    )
-    assert one.returncode == 0
-    assert (two.stdout, two.stderr) == (one.stdout, one.stderr)
-    assert none.stderr == "workers: no effect: only searches with MEMORIZE have levels\n"
+def test_the_command_line(eager: None, tmp_path: Path) -> None:
+    (tmp_path / "functions.py").write_text("def onward(n, m):\n    seven = n * 7\n    return (seven + m) % 53\n")
+    search = ("-e", graph("WHERE onward(n, this) == 7"), "--functions", str(tmp_path / "functions.py"))
+    assert good("run", *search, "--workers", "2") == good("run", *search)
+    answer = call("run", "-e", "1;", "--workers", "2")
+    assert answer.stderr == "workers: no effect: only searches with MEMORIZE have levels\n"
