@@ -44,59 +44,45 @@ def lower(
         if needs.written is not None:
             needs.applied["positions"] = None
     selects = FlatLowering(needs)
-    is_sorted = is_limited = False
+    columns, names = [output.expr for output in query.columns], _name_sql_columns(query)
+    is_sorted = query.aggregated or (query.search is None and can_sort_in_sql(query))
+    keys = () if query.aggregated else query.group
+    orders = () if is_sorted else tuple(key.expr for key in query.order)  # Python sorts what has its own order
+    is_limited = is_sorted and query.limit is not None and not keys  # Python cuts partitions
     bookkeeping = Bookkeeping()
-    shown_late: dict[plan.Column, sql_builder.Node] = {}
+    late = () if "late" in disabled or keys or orders else _find_late_columns(query)
     if query.search is not None:
         from ss2sql.lowering.search import EagerSearch
 
         cut = cut or query.search.maximum is not None or (query.limit is not None and not query.aggregated)
         search = EagerSearch(selects, query, cut)
         select = search.build_statement()
-        if query.aggregated:
-            is_sorted = is_limited = True
-            select = sql_builder.sort_query(
-                search.group_results(select, _name_sql_columns(query)), (), *needs.bind_limits(query)
-            )
         bookkeeping = search.describe_steps()
-        keys, orders = ((), ()) if query.aggregated else (query.group, query.order)
-    elif query.aggregated:
-        is_sorted, is_limited = True, query.limit is not None
-        select = selects.lower_rows(query, SqlScope(), _name_sql_columns(query))
-        keys, orders = (), ()
+        if query.aggregated:
+            select = sql_builder.sort_query(search.group_results(select, names), (), *needs.bind_limits(query))
     else:
-        is_sorted = can_sort_in_sql(query)
-        sorted_query = query if is_sorted else replace(query, order=())  # Python sorts what has its own order
-        flat = selects.lower_from_and_where(sorted_query, SqlScope())
-        order = selects.lower_order(sorted_query, flat)
-        keys = query.group
-        orders = () if is_sorted else query.order
-        outputs = selects.lower_columns(query, flat.scope, _name_sql_columns(query))
-        outputs += [selects.expressions.lower_expr(key, flat.scope) for key in keys]
-        outputs += [selects.expressions.lower_expr(key.expr, flat.scope) for key in orders]
-        is_limited = is_sorted and _can_limit_in_sql(query)
-        limits = needs.bind_limits(query) if is_limited else (None, None)
-        select = sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order, *limits)
-        if needs.worlds and "late" not in disabled and not keys and not orders:
-            from ss2sql.vtables.reading import find_late_columns
-
-            shown_late = {key: selects.expressions.lower_expr(key, flat.scope) for key in find_late_columns(query)}
+        shown: tuple[plan.Expr, ...] = late or (*columns, *keys, *orders)
+        lowered = replace(query, columns=tuple(plan.Output("", expr) for expr in shown))
+        lowered = lowered if is_sorted else replace(lowered, order=())
+        lowered = lowered if is_limited else replace(lowered, limit=None, offset=None)
+        names = [None] * len(shown) if late else [*names, *[None] * (len(shown) - len(names))]
+        select = selects.lower_rows(lowered, SqlScope(), names)
     snapshot = read_late = None
     if needs.worlds:
         from ss2sql.vtables.reading import plan_late_columns, plan_snapshot
 
         snapshot = plan_snapshot((query,))
-    if shown_late:
-        select.set("expressions", [_lower_key_column(query, key, node) for key, node in shown_late.items()])
-        read_late = plan_late_columns(query, tuple(shown_late))
-        needs.applied["late"] = None
+        if late:
+            for key, node in zip(late, select.expressions, strict=True):
+                _tell_late_columns(columns, key, node)
+            read_late = plan_late_columns(query, late)
+            needs.applied["late"] = None
     if query.search is None and (
         tables := [*needs.materialized_ctes.values(), *selects.copies.add_materialized_tables(select)]
     ):
         select.set("with_", exp.With(expressions=tables))
     strip_numeric_affinity(select, selects.tables.values())
     truths = frozenset[str]() if by_value else _strip_sql_truth(select, needs)
-    columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns
     only_walked = _find_walked_sql_parameters(select, needs)
     return SqlQuery(
@@ -105,7 +91,7 @@ def lower(
         tuple(needs.parameters.values()),
         _list_flags(columns),
         _list_flags(keys),
-        _list_flags([key.expr for key in orders]),
+        _list_flags(orders),
         is_sorted,
         is_limited,
         {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
@@ -158,23 +144,22 @@ def _find_walked_sql_parameters(select: exp.Select, needs: StatementNeeds) -> fr
     return frozenset(needs.parameters) - read
 
 
-def _lower_key_column(query: plan.Query, key: plan.Column, node: sql_builder.Node) -> sql_builder.Node:
-    """The column of a key, with what is read of it afterwards as a comment."""
-    exprs = [output.expr for output in query.columns]
-    read = [e.name if isinstance(e, plan.Column) else "this" for e in exprs if _find_lowered_source(e) == key.source]
-    names = ", ".join(name for name in dict.fromkeys(read) if name != key.name)
+def _find_late_columns(query: plan.Query) -> tuple[plan.Column, ...]:
+    """The keys of worlds that SQL selects in place of columns, which are read afterwards; none where it selects all."""
+    if query.search is not None or query.aggregated or not any(isinstance(s, plan.WorldSource) for s in query.sources):
+        return ()
+    from ss2sql.vtables.reading import find_late_columns
+
+    return find_late_columns(query)
+
+
+def _tell_late_columns(columns: Sequence[plan.Expr], key: plan.Column, node: sql_builder.Node) -> None:
+    """Adds to the column of a key, as a comment, what is read of it afterwards."""
+    of_key = [expr for expr in columns if isinstance(expr, (plan.Column, plan.Element)) and expr.source == key.source]
+    read = dict.fromkeys(expr.name if isinstance(expr, plan.Column) else "this" for expr in of_key)
+    names = ", ".join(name for name in read if name != key.name)
     if names:  # of columns of worlds, which are names of scripts and end no comment
         node.add_comments([f"then {names if len(names) <= 60 else names[:57] + '...'}"])
-    return node
-
-
-def _find_lowered_source(expr: plan.Expr) -> int | None:
-    return expr.source if isinstance(expr, (plan.Column, plan.Element)) else None
-
-
-def _can_limit_in_sql(query: plan.Query) -> bool:
-    """Whether SQL can do LIMIT; partitions are cut in Python."""
-    return query.limit is not None and not (query.group and not query.aggregated)
 
 
 def _name_sql_columns(query: plan.Query) -> list[str | None]:
