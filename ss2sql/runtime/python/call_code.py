@@ -50,10 +50,10 @@ def generate_memoized_call(builder: QueryCompiler, node: plan.Call, body: Python
             keys.append(key if isinstance(key, ast.Name) else build.bind(name, key))
             again.append(build.name(name))
     codegen.page.note_call(node.place, node.function.name)
-    constant = build.name(codegen.embed(node.function, "function"))
+    constant = codegen.embed(node.function, "function")
 
     def bind_method(part: str) -> str:
-        function = build.part(build.call_method("run.host.get_callable", constant, build.name("run")), part)
+        function = build.express(f"run.host.get_callable(constant, run).{part}", constant=constant)
         return codegen.bind((node.function.name, part), f"{node.function.name}_{part}", function, build)
 
     if method == "call_any":
@@ -63,16 +63,10 @@ def generate_memoized_call(builder: QueryCompiler, node: plan.Call, body: Python
     made = body.pack(values, build) if plain else reduce(lambda one, other: build.binary(one, ast.Add(), other), keys)
     key_name = made.id if isinstance(made, ast.Name) else codegen.new_name("key")
     made = made if isinstance(made, ast.Name) else build.bind(key_name, made)
-    key = build.name(key_name)
-    missed = (
-        build.call(bind_method("call_new_plain"), build.name(found), key)
-        if plain
-        else build.call(bind_method("missed"), build.name(found), key, build.pack(*again), *values)
-    )
-    kind = build.call("type", build.bind(found, build.call(bind_method("get"), made)))
-    remembered = [build.compare(kind, ast.Is(), build.name("tuple")), build.call(bind_method("hit"))]
-    value = build.item(build.name(found), 0)
-    return build.if_else(build.join_conditions(ast.And(), remembered), value, missed)
+    parts = [build.name(found), build.name(key_name), *([] if plain else [build.pack(*again), *values])]
+    missed = build.call(bind_method("call_new_plain" if plain else "missed"), *parts)
+    text = "found[0] if type(found := get(key)) is tuple and hit() else missed"
+    return build.express(text, found=found, get=bind_method("get"), key=made, hit=bind_method("hit"), missed=missed)
 
 
 def find_keyed_sources(places: list[Any]) -> set[int]:

@@ -17,7 +17,7 @@ from dataclasses import field
 from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import Error, Span
+from ss2sql.errors import Error, Span, Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
@@ -278,7 +278,6 @@ class PythonScope:
         if name is None:
             name = self.codegen.new_name(hint)
             home.blocks[level].insert(0, build.assign(name, build.name("UNSET")))
-            self.codegen.namespace["UNSET"] = UNSET
             if facts.key is not None:
                 home.slots[facts.key] = name
         if home is not self:
@@ -286,8 +285,7 @@ class PythonScope:
         self.forget_names(value)
         if self.sure and facts.key is not None:
             self.known[-1][facts.key] = name
-        fresh = build.compare(build.name(name), ast.IsNot(), build.name("UNSET"))
-        return build.if_else(fresh, build.name(name), build.bind(name, value))
+        return build.express("kept if kept is not UNSET else (kept := value)", kept=name, value=value)
 
     def forget_names(self, value: ast.expr) -> None:
         """No longer knows the names that are set in a value, which may be skipped: they would keep older values.
@@ -402,7 +400,7 @@ class CodegenContext:
 
     def __init__(self, span: Span, analysis: ExpressionAnalysis) -> None:
         self.page = CodePage(span.source)
-        self.namespace: dict[str, Any] = {"__name__": __name__, PAGE: self.page}
+        self.namespace: dict[str, Any] = {"__name__": __name__, PAGE: self.page, "UNSET": UNSET, "Stopped": Stopped}
         self.build = self.build_at(span)
         self.analysis = analysis
         self.root = PythonScope(self, "bound", ["run"], None)
@@ -460,29 +458,27 @@ class CodegenContext:
             if python is not None and not OPERATIONS[function.name].grows:
                 self._bound[key] = self.embed(python, function.name)
             else:
-                constant = build.name(self.embed(function, "function"))
-                found = build.call_method("run.host.get_callable", constant, build.name("run"))
+                constant = self.embed(function, "function")
+                found = build.express("run.host.get_callable(constant, run)", constant=constant)
                 self.bind(key, function.name, found, build)
         return self._bound[key]
 
     def read_sizes(self, part: str, build: AstBuilder) -> ast.expr:
         """What measures the values that are made, or a number that it goes by."""
-        return build.name(
-            self.bind(("sizes", part), part, build.part(build.part(build.name("run"), "sizes"), part), build)
-        )
+        return build.name(self.bind(("sizes", part), part, build.express(f"run.sizes.{part}"), build))
 
     def read_variable(self, name: str, build: AstBuilder) -> ast.expr:
         """The value of a script variable: read once where nothing in this code changes it, else each time."""
-        run, text = build.name("run"), build.constant(name)
+        text = build.constant(name)
         if not self.analysis.is_fixed(name):
-            return build.call_method("run.get_variable", text)
+            return build.express("run.get_variable(text)", text=text)
         self.use(MissingValueError)
-        value = build.call(self.use(get_run_variable_if_set), run, text)
+        value = build.express("read(run, text)", read=get_run_variable_if_set, text=text)
         return build.name(self.bind(("variable", name), name, value, build, "MissingValueError"))
 
     def read_frame(self, name: str, build: AstBuilder) -> ast.expr:
         """A data frame, as it was when the run first read it."""
-        return build.call_method("run.get_source", build.constant(name))
+        return build.express("run.get_source(name)", name=build.constant(name))
 
     def name_counter(self, name: str, body: PythonScope) -> str:
         """A counter of the whole run, to be increased in `body`."""
@@ -495,16 +491,14 @@ class CodegenContext:
 
     def write_turn_check(self, counter: str) -> ast.expr:
         """A call that ends the run if it has to end; its value is the count at which to ask again."""
-        build = self.build
-        turn_check = self.bind(
-            "turn_check", "turn_check", build.call(self.use(make_turn_check), build.name("run")), build
-        )
-        return build.call(turn_check, build.name(counter))
+        made = self.build.express("make(run)", make=make_turn_check)
+        turn_check = self.bind("turn_check", "turn_check", made, self.build)
+        return self.build.express("check(counter)", check=turn_check, counter=counter)
 
     def read_step_meter(self) -> ast.expr:
         """What does the same for the steps of searches, and hands on what they have counted."""
-        build = self.build
-        return build.name(self.bind("meter", "meter", build.call(self.use(make_step_meter), build.name("run")), build))
+        made = self.build.express("make(run)", make=make_step_meter)
+        return self.build.name(self.bind("meter", "meter", made, self.build))
 
     # --- the end ---------------------------------------------------------------------------------------
 

@@ -213,11 +213,11 @@ class AstBuilder:
         self.at: Any = {"lineno": line, "end_lineno": end_line, "col_offset": column, "end_col_offset": end_column}
         self.namespace = namespace  # the globals of the code, which functions of the library are put into
 
-    def write(self, text: str, **words: Word) -> list[ast.stmt]:
+    def write(self, text: str, /, **words: Word) -> list[ast.stmt]:
         """The statements of a text, each word in it replaced by what it stands for."""
         return copy_tree(parse_code(text), {word: self._build_word(meant) for word, meant in words.items()}, self.at)
 
-    def express(self, text: str, **words: Word) -> ast.expr:
+    def express(self, text: str, /, **words: Word) -> ast.expr:
         """The expression that a text is."""
         (line,) = self.write(text, **words)
         assert isinstance(line, ast.Expr)

@@ -19,7 +19,7 @@ from ss2sql.language.cancellation import deepen_stack
 from ss2sql.language.kinds import ANY, SCALAR, Kind, Type
 from ss2sql.language.plan_traversal import has_array_calls, has_constant_source, may_run_foreign_code, walk
 from ss2sql.language.rows import Rows, make_label
-from ss2sql.language.values import UNSET, format_value
+from ss2sql.language.values import format_value
 from ss2sql.runtime.python import flat_query
 from ss2sql.runtime.python.call_code import SELF_KEYED_KINDS, CallStages
 from ss2sql.runtime.python.codegen_context import (
@@ -197,11 +197,15 @@ class QueryCompiler:
         key, found = codegen.new_name("key"), codegen.new_name("found")
         with body.write_skippable():
             value = build.call(codegen.name_function(node.function, build), generate_expression(self, inner, body))
-        bound_key = build.bind(key, keys[0] if len(keys) == 1 else build.pack(*keys))
-        codegen.namespace["UNSET"] = UNSET
-        known = build.bind(found, build.call(build.part(build.name(memo), "get"), bound_key, build.name("UNSET")))
-        missed = build.call(codegen.use(memoize_value), build.name(memo), build.name(key), value)
-        return build.if_else(build.compare(known, ast.IsNot(), build.name("UNSET")), build.name(found), missed)
+        return build.express(
+            "found if (found := memo.get((key := keys), UNSET)) is not UNSET else memoize(memo, key, value)",
+            memoize=memoize_value,
+            memo=memo,
+            key=key,
+            keys=keys[0] if len(keys) == 1 else build.pack(*keys),
+            found=found,
+            value=value,
+        )
 
     def write_eval(self, node: plan.Eval, body: PythonScope) -> ast.expr:
         """The value of a text that is compiled when it is met."""
@@ -213,10 +217,8 @@ class QueryCompiler:
         eval_scope = EvalScope(
             node.scope, tuple((*known, codegen.worlds.get(known[0])) for known in kept), states, self.dispatch
         )
-        constant = build.name(codegen.embed(eval_scope, "eval_scope"))
-        texts = codegen.bind(
-            ("texts", id(node)), "texts", build.call(codegen.use(EvalCache), build.name("run"), constant), build
-        )
+        made = build.express("cache(run, scope)", cache=EvalCache, scope=codegen.embed(eval_scope, "eval_scope"))
+        texts = codegen.bind(("texts", id(node)), "texts", made, build)
         function = build.item(build.name(texts), generate_expression(self, node.text, body))
         return build.call(function, *self._list_outer_values(sources, states, body, build))
 
@@ -287,8 +289,8 @@ class QueryCompiler:
         task, value, tuples = codegen.new_name("task"), codegen.new_name("value_of"), codegen.new_name("rows_of")
         codegen.definitions += [
             build.assign(task, build.call(codegen.use(QueryExecution), build.name("run"), form, *parts)),
-            build.assign(value, build.call(codegen.use(get_value_function), build.name(task))),
-            build.assign(tuples, build.part(build.name(task), "compute_tuples")),
+            *build.write("value = get(task)", value=value, get=get_value_function, task=task),
+            *build.write("tuples = task.compute_tuples", tuples=tuples, task=task),
         ]
         outer = self._list_outer_values(sources, states, caller, build) + [build.name(name) for name in groups.values()]
         ends = query.search or query.grouped or query.order or functions["settings"]
@@ -327,13 +329,12 @@ class QueryCompiler:
     def _write_count(self, expr: plan.Expr | None, least: int, word: str, body: PythonScope) -> ast.expr:
         if expr is None:
             return self.codegen.build.constant(None)
-        build = self.codegen.build_at(expr.span)
-        value = generate_expression(self, expr, body)
+        build, value = self.codegen.build_at(expr.span), generate_expression(self, expr, body)
         return build.call(self.codegen.use(check_count_value), value, build.constant(least), build.constant(word))
 
     def _write_label(self, expr: plan.Expr, body: PythonScope) -> ast.expr:
-        build = self.codegen.build_at(expr.span)
-        return build.call(self.codegen.use(make_label), generate_expression(self, expr, body))
+        value = generate_expression(self, expr, body)
+        return self.codegen.build_at(expr.span).express("label(value)", label=make_label, value=value)
 
     def _write_group(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
         """A generator: the row and sort keys of each group that HAVING keeps; of partitions whether it keeps them."""

@@ -73,21 +73,24 @@ class SingleCall:
         arguments = [self._write_argument(step, *numbered) for numbered in enumerate(self.node.arguments)]
         once, remembered = codegen.new_name(function.name), codegen.new_name(f"{function.name}_remembered")
         count, made, call = codegen.new_name("count"), codegen.new_name("made"), codegen.new_name(function.name)
-        places = at.name(codegen.embed(list_plan_calls(step.query)[function.name], "places"))
-        known = [at.name("run"), at.name(codegen.embed(function, "function")), places]
-        known.append(at.name(step.loops.items[source]))
-        step.owner.emit(at.unpack([once, remembered, count], at.call(codegen.use(make_single_call_variants), *known)))
+        places, items = list_plan_calls(step.query)[function.name], step.loops.items[source]
+        known = at.express(
+            "make(run, function, places, items)",
+            make=make_single_call_variants,
+            places=codegen.embed(places, "places"),
+            function=codegen.embed(function, "function"),
+            items=items,
+        )
+        step.owner.emit(at.unpack([once, remembered, count], known))
         step.owner.locals += [once, remembered, count]
-        self.begin.append(at.assign(made, at.constant(0)))
-        self.end.append(at.run(at.call(count, at.name(made))))
+        self.begin += at.write("made = 0", made=made)
+        self.end += at.write("count(made)", count=count, made=made)
         # The start may be a row as well, so it may be expanded twice.
         is_start = _generate_start_test(step, at)
         self.state_statements.append(at.assign(call, at.if_else(is_start, at.name(remembered), at.name(once))))
         codegen.page.note_call(self.node.place, function.name)
-        run = at.name("run")  # a slow function must not keep a timeout waiting
-        deadline = at.compare(at.part(at.part(run, "bounds"), "deadline"), ast.IsNot(), at.constant(None))
-        ends = at.join_conditions(ast.Or(), [at.part(run, "interrupted"), deadline])
-        inner.emit(at.when(ends, at.run(at.call(at.part(run, "check")))))
+        # a slow function must not keep a timeout waiting
+        inner.emit(*at.write("if run.interrupted or run.bounds.deadline is not None: run.check()"))
         self.value = codegen.new_name(function.name)
         inner.emit(at.add_to(made), build.assign(self.value, build.call(call, *arguments)))
         self._write_early_stop(step)
@@ -109,9 +112,7 @@ class SingleCall:
         parts = stop.parts if isinstance(stop, plan.Or) else () if stop is None else (stop,)
         if not parts or not any(_is_empty_list(o) for o in self._list_compared(parts[0], step.codegen.analysis)):
             return
-        value = build.name(self.value)
-        is_list = build.compare(build.call("type", value), ast.Is(), build.name("list"))
-        leaves = [is_list, build.negate(value)]
+        leaves = [build.express("type(value) is list", value=self.value), build.negate(build.name(self.value))]
         if where is not None:
             others = self._list_compared(where, step.codegen.analysis)
             if not any(isinstance(other, (plan.Constant, plan.Variable)) for other in others):
@@ -165,25 +166,28 @@ class SingleSourceCall:
         step, node = self.step, self.node
         codegen, build = step.codegen, step.codegen.build_at(node.place)
         arguments = [_generate_argument(step, argument, body, self.state_statements) for argument in node.arguments]
-        fresh = all(
-            _is_copied_in_single_call(argument, step) or argument.type.is_only(SCALAR) for argument in node.arguments
+        both = build.express(
+            "make(run, function, places, fresh, checked)",
+            make=make_single_calls,
+            places=codegen.embed(list_plan_calls(step.query)[node.function.name], "places"),
+            function=codegen.embed(node.function, "function"),
+            fresh=all(_is_copied_in_single_call(one, step) or one.type.is_only(SCALAR) for one in node.arguments),
+            checked=self.checked,
         )
         codegen.page.note_call(node.place, node.function.name)
-        places = codegen.embed(list_plan_calls(step.query)[node.function.name], "places")
-        known = [build.name("run"), build.name(codegen.embed(node.function, "function")), build.name(places)]
-        both = build.call(codegen.use(make_single_calls), *known, build.constant(fresh), build.constant(self.checked))
-        methods = build.name(codegen.bind((node.function.name, "single"), f"{node.function.name}_calls", both, build))
-        remembered, once = (build.item(methods, index) for index in (0, 1))
-        return build.call(build.if_else(_generate_start_test(step, build), remembered, once), *arguments)
+        methods = codegen.bind((node.function.name, "single"), f"{node.function.name}_calls", both, build)
+        is_start = _generate_start_test(step, build)
+        call = build.express("methods[0] if is_start else methods[1]", methods=methods, is_start=is_start)
+        return build.call(call, *arguments)
 
 
 def _generate_start_test(step: StepClauses, build: AstBuilder) -> ast.expr:
     """Whether a state is the start, which a row may be as well, so that it may be expanded twice."""
-    state, start = build.pack(*map(build.name, step.frozen_states.values())), build.name(step.form.start)
     if len(step.frozen_states) == 1:
         (only,) = step.frozen_states.values()
-        state, start = build.name(only), build.item(start, 0)
-    return build.compare(state, ast.Eq(), start)
+        return build.express("only == start[0]", only=only, start=step.form.start)
+    state = build.pack(*map(build.name, step.frozen_states.values()))
+    return build.express("state == start", state=state, start=step.form.start)
 
 
 def _is_copied_in_single_call(argument: plan.Expr, step: StepClauses) -> TypeGuard[plan.State]:
@@ -200,13 +204,11 @@ def _generate_argument(
     if not _is_copied_in_single_call(argument, step):
         return generate_expression(step.builder, argument, body)
     codegen, build, shape = step.codegen, step.build, step.shapes[argument.name]
-    value = build.name(step.frozen_states[argument.name])
-    other = build.call(codegen.use(copy_for_python), build.call(codegen.use(thaw_value), value))
-    plain = codegen.new_name("plain")
-    is_tuple = build.compare(build.call("type", value), ast.Is(), build.name("tuple"))
-    state_statements.append(build.assign(plain, is_tuple))
-    copy = build.call("list", build.call("map", build.name("list"), value) if shape == "nested" else value)
-    return build.if_else(build.name(plain), copy, other)
+    value, plain = step.frozen_states[argument.name], codegen.new_name("plain")
+    state_statements += build.write("plain = type(value) is tuple", plain=plain, value=value)
+    text = "list(map(list, value))" if shape == "nested" else "list(value)"
+    text = f"{text} if plain else copy(thaw(value))"
+    return build.express(text, plain=plain, value=value, copy=copy_for_python, thaw=thaw_value)
 
 
 def _is_empty_list(expr: plan.Expr) -> bool:
