@@ -44,8 +44,7 @@ class ExpressionFacts:
     steady: bool = True  # has no effect and one value per row, however often it is evaluated; it may raise
     total: bool = True  # cannot raise
     key: int | None = None  # equal for expressions of the same text and meaning; None: not known
-    costly: bool = False  # a call of a user function or a query, whose value is worth keeping
-    calls: bool = False  # contains a call of a user function
+    calls: bool = False  # contains a call of a user function, or a query
 
 
 OWN_GROUP = -1
@@ -113,7 +112,7 @@ class ExpressionAnalysis:
     def _find_facts(self, node: Any, below: list[ExpressionFacts]) -> ExpressionFacts:
         sources, states, groups = _NONE, _NO_STATES, _NONE
         steady = total = True
-        costly = calls = False
+        calls = False
         for part in below:
             calls = calls or part.calls
             sources |= part.sources
@@ -133,7 +132,7 @@ class ExpressionAnalysis:
             case plan.Call(function=function):
                 steady = steady and function.volatility != "volatile"
                 total = total and function.builtin and not function.raises
-                costly = not function.builtin
+                calls = calls or not function.builtin
             case plan.And(parts=tested) | plan.Or(parts=tested):
                 total = total and all(map(_has_plain_truth, tested))
             case plan.Xor(left=left, right=right):
@@ -148,15 +147,13 @@ class ExpressionAnalysis:
             case plan.Query(id=query):
                 groups -= {query, OWN_GROUP}
             case plan.Subquery():
-                total, costly = False, True
+                total, calls = False, True
             case plan.Eval(sources=seen, states=seen_states):
                 sources, states = sources | set(seen), states | set(seen_states)
                 steady = total = False
             case plan.Temporal() | plan.Assign() | plan.TemporalAssign() | plan.AssignLate():
                 steady = total = False
-        return ExpressionFacts(
-            sources, states, groups, steady, total, self._number_meaning(node, below), costly, costly or calls
-        )
+        return ExpressionFacts(sources, states, groups, steady, total, self._number_meaning(node, below), calls)
 
     def _number_meaning(self, node: Any, below: list[ExpressionFacts]) -> int | None:
         """A number for the meaning of the expression: that of its first appearance."""
@@ -381,7 +378,7 @@ class PythonScope:
     def build_function(self, build: AstBuilder) -> ast.stmt:
         statements = self.blocks[0] or [build.run(build.constant(None))]
         if self.shared:
-            statements = [build.nonlocal_names(list(self.shared)), *statements]
+            statements = [ast.Nonlocal(list(self.shared), **build.at), *statements]
         return build.function(self.name, self.parameters, statements)
 
     def define_function(self) -> None:
@@ -442,12 +439,11 @@ class CodegenContext:
         """The name of a function of the library."""
         return self.build.use(function)
 
-    def bind(self, key: Any, hint: str, value: ast.expr, build: AstBuilder, error: str | None = None) -> str:
-        """A name for a value that is computed once, when a run begins; `error` names what may go wrong there."""
+    def bind(self, key: Any, hint: str, value: ast.expr, build: AstBuilder, text: str = "name = value") -> str:
+        """A name for a value that is computed once, when a run begins, by the statement that the text is."""
         if key not in self._bound:
             name = self._bound[key] = self.new_name(hint)
-            statement = build.assign(name, value)
-            self.bindings.append(statement if error is None else build.try_except(statement, error))
+            self.bindings += build.write(text, name=name, value=value)
         return self._bound[key]
 
     def name_function(self, function: plan.Function, build: AstBuilder) -> str:
@@ -474,7 +470,8 @@ class CodegenContext:
             return build.express("run.get_variable(text)", text=text)
         self.use(MissingValueError)
         value = build.express("read(run, text)", read=get_run_variable_if_set, text=text)
-        return build.name(self.bind(("variable", name), name, value, build, "MissingValueError"))
+        attempt = "try: name = value\nexcept MissingValueError: pass"
+        return build.name(self.bind(("variable", name), name, value, build, attempt))
 
     def read_frame(self, name: str, build: AstBuilder) -> ast.expr:
         """A data frame, as it was when the run first read it."""

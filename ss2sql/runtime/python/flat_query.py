@@ -117,10 +117,11 @@ class GroupCollector:
         inner.emit(build.assign(key, keys[0] if len(keys) == 1 else build.pack(*keys)))
         groups = build.name(self.groups)
         inner.emit(build.assign(group, build.call(build.part(groups, "get"), build.name(key))))
-        made = build.store(groups, build.name(key), self._make_empty_group())
-        fill = [made, build.assign(group, build.item(groups, build.name(key)))]
+        made = self._make_empty_group()
+        fill = build.write("group = groups[key] = made", group=group, groups=self.groups, key=key, made=made)
         if not self.plain:
-            fill.append(build.store(build.name(self.first_rows), build.name(key), build.pack(*values)))
+            row = build.pack(*values)
+            fill += build.write("firsts[key] = row", firsts=self.first_rows, key=key, row=row)
         inner.emit(build.when(build.compare(build.name(group), ast.Is(), build.constant(None)), *fill))
         return group
 

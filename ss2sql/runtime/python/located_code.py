@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import linecache
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache, reduce
+from functools import cache
 from itertools import islice
 from types import FrameType, MappingProxyType, TracebackType
 from typing import Any, TypeAlias, TypeVar
@@ -269,22 +269,11 @@ class AstBuilder:
         """`value.name`."""
         return ast.Attribute(value, name, ast.Load(), **self.at)
 
-    def call_method(self, path: str, *arguments: ast.expr) -> ast.expr:
-        """`run.host.name(...)`, given as a path of names."""
-        first, *parts = path.split(".")
-        return self.call(reduce(self.part, parts, self.name(first)), *arguments)
-
     def compare(self, left: ast.expr, operator: ast.cmpop, right: ast.expr) -> ast.expr:
         return ast.Compare(left, [operator], [right], **self.at)
 
-    def binary(self, left: ast.expr, operator: ast.operator, right: ast.expr) -> ast.expr:
-        return ast.BinOp(left, operator, right, **self.at)
-
-    def unary(self, operator: ast.unaryop, operand: ast.expr) -> ast.expr:
-        return ast.UnaryOp(operator, operand, **self.at)
-
     def negate(self, operand: ast.expr) -> ast.expr:
-        return self.unary(ast.Not(), operand)
+        return ast.UnaryOp(ast.Not(), operand, **self.at)
 
     def truth(self, operand: ast.expr) -> ast.expr:
         """The operand's truth as a bool; in a condition Python compiles it away."""
@@ -308,14 +297,6 @@ class AstBuilder:
 
     def assign(self, name: str, value: ast.expr) -> ast.stmt:
         return ast.Assign([ast.Name(name, ast.Store(), **self.at)], value, **self.at)
-
-    def store(self, container: ast.expr, key: ast.expr, value: ast.expr) -> ast.stmt:
-        """`container[key] = value`."""
-        return ast.Assign([ast.Subscript(container, key, ast.Store(), **self.at)], value, **self.at)
-
-    def defer(self, value: ast.expr) -> ast.expr:
-        """A function without parameters that gives the value."""
-        return ast.Lambda(ast.arguments([], [], None, [], [], None, []), value, **self.at)
 
     def unpack(self, names: list[str], value: ast.expr) -> ast.stmt:
         targets: list[ast.expr] = [ast.Name(name, ast.Store(), **self.at) for name in names]
@@ -345,20 +326,10 @@ class AstBuilder:
         target = targets[0] if len(targets) == 1 else ast.Tuple(targets, ast.Store(), **self.at)
         return ast.For(target, items, body, [], **self.at)
 
-    def try_except(self, attempt: ast.stmt, error: str) -> ast.stmt:
-        """The statement, and nothing where it raises the error of this name."""
-        handler = ast.ExceptHandler(self.name(error), None, [ast.Pass(**self.at)], **self.at)
-        return ast.Try([attempt], [handler], [], [], **self.at)
-
     def try_unless_stopped(self, attempt: ast.stmt, otherwise: ast.stmt) -> ast.stmt:
         """The statement, and the other one where it raises anything but the end of the run."""
-        ends = ast.ExceptHandler(self.name("Stopped"), None, [ast.Raise(**self.at)], **self.at)
-        fails = ast.ExceptHandler(self.name("Exception"), None, [otherwise], **self.at)
-        return ast.Try([attempt], [ends, fails], [], [], **self.at)
-
-    def nonlocal_names(self, names: list[str]) -> ast.stmt:
-        """`nonlocal a, b`."""
-        return ast.Nonlocal(names, **self.at)
+        text = "try: ATTEMPT\nexcept Stopped: raise\nexcept Exception: OTHERWISE"
+        return self.write(text, ATTEMPT=[attempt], OTHERWISE=[otherwise])[0]
 
     def function(self, name: str, parameters: list[str], body: list[ast.stmt]) -> ast.stmt:
         arguments = ast.arguments([], [ast.arg(p, None, **self.at) for p in parameters], None, [], [], None, [])

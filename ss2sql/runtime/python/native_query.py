@@ -199,7 +199,7 @@ class QueryCompiler:
             value = build.call(codegen.name_function(node.function, build), generate_expression(self, inner, body))
         return build.express(
             "found if (found := memo.get((key := keys), UNSET)) is not UNSET else memoize(memo, key, value)",
-            memoize=memoize_value,
+            memoize=keep_bounded,
             memo=memo,
             key=key,
             keys=keys[0] if len(keys) == 1 else build.pack(*keys),
@@ -393,11 +393,6 @@ def _reads_outer_loop(part: Any, body: PythonScope) -> bool:
             return body.is_state_visible((query, name))
         case _:
             return False
-
-
-def memoize_value(memo: dict[Any, Any], key: Any, value: Any) -> Any:
-    keep_bounded(memo, key, value)
-    return value
 
 
 # --- what the rest of ss2sql sees of the native executor: compiled queries and compiled statements

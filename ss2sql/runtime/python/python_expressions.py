@@ -556,15 +556,16 @@ def _generate_variable_access(
     name = build.constant(node.name)
     match node:
         case plan.Assign(value=value):
-            return build.call_method("run.assign_variable", name, write_part(value))
+            return build.express("run.assign_variable(name, value)", name=name, value=write_part(value))
         case plan.Temporal(when=when):
             read = build.constant(None) if when is None else write_part(when)
-            return build.call_method("run.host.read_temporal", name, read, build.constant(node.times))
+            text = "run.host.read_temporal(name, read, times)"
+            return build.express(text, name=name, read=read, times=node.times)
         case plan.TemporalAssign(keep=keep, value=value):
-            parts = (write_part(keep), write_part(value))
-            return build.call(codegen.use(store_run_temporal), build.name("run"), name, *parts)
+            parts = [build.name("run"), name, write_part(keep), write_part(value)]
+            return build.call(codegen.use(store_run_temporal), *parts)
         case plan.AssignLate(literal=literal):
-            return build.call_method("run.host.bind_late", name, build.name(codegen.embed(literal)))
+            return build.express("run.host.bind_late(name, literal)", name=name, literal=codegen.embed(literal))
         case _:
             assert_never(node)
 

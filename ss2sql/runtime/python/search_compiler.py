@@ -306,7 +306,7 @@ def _write_edge_walk(builder: QueryCompiler, edges: EdgeSearch, body: PythonScop
     build, name = codegen.build_at(span), codegen.new_name("search")
     goal = build.constant(None)
     if edges.goal is not None:
-        goal = build.defer(generate_expression(builder, edges.goal, body))
+        goal = build.express("lambda: goal", goal=generate_expression(builder, edges.goal, body))
     search = build.name(codegen.embed(edges, "edges"))
     body.emit(
         build.assign(name, build.call(codegen.use(make_edge_walk), build.name("run"), search, goal, build.name(others)))

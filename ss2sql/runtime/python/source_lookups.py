@@ -14,7 +14,7 @@ adapter gets (`push_condition_to_world` in source_loops.py) only save rows; all 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
@@ -140,9 +140,9 @@ class RowIndex(dict[Hashable, list[Any]]):
         """The rows with this key, in their order."""
         return self.rows if self.failed else self.get(key, ())
 
-    def add_items(self, keys: Iterable[Hashable], items: Iterable[Any]) -> RowIndex:
+    def add_items(self, pairs: Iterable[tuple[Hashable, Any]]) -> RowIndex:
         with pause_collector():  # 0.55 of the time
-            for key, item in zip(keys, items, strict=True):
+            for key, item in pairs:
                 known = self.get(key)
                 if known is None:
                     self[key] = [item]
@@ -150,36 +150,30 @@ class RowIndex(dict[Hashable, list[Any]]):
                     known.append(item)
         return self
 
+    def add_where_possible(self, pairs: Iterable[tuple[Hashable, Any]]) -> RowIndex:
+        """The same, unless a key raises."""
+        try:
+            return self.add_items(pairs)
+        except Stopped:
+            raise
+        except Exception:
+            self.failed = True
+            return self
+
 
 def index_rows(rows: list[Any], keys_of: Callable[[list[Any]], Iterable[Hashable]]) -> RowIndex:
     """The rows by their keys. What is raised for one of them is raised again where its condition is tested."""
-    index = RowIndex(rows)
-    try:
-        return index.add_items(keys_of(rows), rows)
-    except Stopped:
-        raise
-    except Exception:
-        index.failed = True
-        return index
+    return RowIndex(rows).add_where_possible(zip(keys_of(rows), rows, strict=True))
 
 
 def index_rows_by_members(rows: list[Any], keys_of: Callable[[list[Any]], Iterable[Any]]) -> RowIndex:
     """The same where a row has several keys: of each come what all have in common, and the rest of each."""
-
-    def list_keys() -> Iterator[tuple[Hashable, Any]]:
-        for (common, members), row in zip(keys_of(rows), rows, strict=True):
-            for member in dict.fromkeys(members):
-                yield (*common, member) if common else member, row
-
-    index = RowIndex(rows)
-    try:
-        pairs = list(list_keys())
-    except Stopped:
-        raise
-    except Exception:
-        index.failed = True
-        return index
-    return index.add_items(*zip(*pairs, strict=True)) if pairs else index
+    pairs = (
+        ((*common, member) if common else member, row)
+        for (common, members), row in zip(keys_of(rows), rows, strict=True)
+        for member in dict.fromkeys(members)
+    )
+    return RowIndex(rows).add_where_possible(pairs)
 
 
 class RangeIndex:
@@ -219,7 +213,7 @@ class RangeIndex:
 
 def index_column(rows: list[Any], value: int, position: int) -> RowIndex:
     """The values of a column by those of another, where nothing else is wanted of the rows that are found."""
-    return RowIndex(rows).add_items(map(itemgetter(position), rows), map(itemgetter(value), rows))
+    return RowIndex(rows).add_items(map(itemgetter(position, value), rows))
 
 
 # --- tables of worlds
@@ -272,26 +266,27 @@ def generate_world_loop(
     reading = _bind_reading(codegen, table, build)
     if table.schema.parameters:
         arguments = [generate_expression(builder, argument, body) for argument in source.arguments]
-        return build.call_method(f"{reading}.call_function", build.pack(*arguments))
+        return build.express("reading.call_function(arguments)", reading=reading, arguments=build.pack(*arguments))
     if not demands:
-        return build.call_method(f"{reading}.list_keys", build.name(codegen.embed(Where(), "nothing")))
+        return build.express("reading.list_keys(nothing)", reading=reading, nothing=codegen.embed(Where(), "nothing"))
     comparisons = tuple((demand.column, demand.operator) for demand in demands)
     values = [generate_expression(builder, demand.value, body) for demand in demands]
-    told = build.name(codegen.embed(comparisons, "demands"))
-    return build.call_method(f"{reading}.find_keys", told, build.pack(*values))
+    told = codegen.embed(comparisons, "demands")
+    return build.express("reading.find_keys(told, values)", reading=reading, told=told, values=build.pack(*values))
 
 
 def bind_column_reader(codegen: CodegenContext, source: int, name: str, build: AstBuilder) -> str:
     """A name for the function from a key to a column."""
     table = codegen.worlds[source]
-    value = build.call_method(f"{_bind_reading(codegen, table, build)}.make_reader", build.constant(name))
+    reading = _bind_reading(codegen, table, build)
+    value = build.express("reading.make_reader(name)", reading=reading, name=build.constant(name))
     return codegen.bind(("column", id(table), name), f"read_{name}", value, build)
 
 
 def bind_element_reader(codegen: CodegenContext, source: int, build: AstBuilder) -> str:
     """A name for the function from a key to the element."""
     table = codegen.worlds[source]
-    value = build.part(build.name(_bind_reading(codegen, table, build)), "get_element")
+    value = build.express("reading.get_element", reading=_bind_reading(codegen, table, build))
     return codegen.bind(("element", id(table)), "element", value, build)
 
 
@@ -299,9 +294,8 @@ def _bind_reading(codegen: CodegenContext, table: AttachedWorldTable, build: Ast
     from ss2sql.vtables.reading import plan_snapshot
 
     snapshot = codegen.embed(plan_snapshot(codegen.analysis.roots), "snapshot")
-    run = build.name("run")
-    memory = build.part(build.part(build.part(run, "host"), "memories"), "now")
-    value = build.call_method(f"{snapshot}.copy_tables", memory, build.part(run, "check"))
+    value = build.express("snapshot.copy_tables(run.host.memories.now, run.check)", snapshot=snapshot)
     readings = codegen.bind("readings", "readings", value, build)
-    value = build.call_method(f"{readings}.get_reading", build.name(codegen.embed(table.table, "table")))
+    known = codegen.embed(table.table, "table")
+    value = build.express("readings.get_reading(known)", readings=readings, known=known)
     return codegen.bind(("reading", id(table)), "reading", value, build)

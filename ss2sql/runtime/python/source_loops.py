@@ -365,7 +365,10 @@ class SourceLoops:
         arguments = [build.name("run"), build.name(codegen.embed(source, "table"))]
         if wanted is not None:
             values = [generate_expression(self.builder, one.expr, body) for one in wanted.parameters]
-            arguments += [build.name(codegen.embed(wanted, "wanted")), build.defer(build.pack(*values))]
+            arguments += [
+                build.name(codegen.embed(wanted, "wanted")),
+                build.express("lambda: values", values=build.pack(*values)),
+            ]
         return build.call(codegen.use(loop_over_table_rows), *arguments)
 
     def _find_table_filter(self, source: plan.TableSource) -> TableFilter | None:

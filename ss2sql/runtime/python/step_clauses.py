@@ -460,9 +460,8 @@ class StepClauses:
         return self.steady and self.codegen.analysis.facts(weight).total and run_state.is_proven(weight.type, check)
 
     def _write_total(self) -> None:
-        build = self.build
-        operator = ast.Mult() if self.search.order == "probability" else ast.Add()
-        self.inner.emit(build.assign("new_total", build.binary(build.name("total"), operator, build.name("weight"))))
+        operator = "*" if self.search.order == "probability" else "+"
+        self.inner.emit(*self.build.write(f"new_total = total {operator} weight"))
 
     def _write_improvement_test(self, known: bool = False) -> None:
         """A step that is no better than the best to its row, which may be `known`, is dropped."""

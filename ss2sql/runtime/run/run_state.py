@@ -345,17 +345,18 @@ class CarriedStopError(Exception):
     """A StopIteration of a function on its way through SQLite: by itself it would only end the walk over the rows."""
 
 
-def keep_bounded(memory: dict[Any, Any], key: Any, value: Any, limit: int = MEMO_LIMIT) -> None:
-    """Keeps a value, unless the limit is 0. Where there are too many, the older half is forgotten.
+def keep_bounded(memory: dict[Any, Any], key: Any, value: Any, limit: int = MEMO_LIMIT) -> Any:
+    """Gives the value, and keeps it unless the limit is 0. Where there are too many, the older half is forgotten.
 
     One by one, each would cost a walk over those that went before it, which takes 14 us in a dict of 100,000.
     """
     if len(memory) >= limit:
         if not limit:
-            return
+            return value
         for old in list(islice(memory, (len(memory) + 1) // 2)):
             del memory[old]
     memory[key] = value
+    return value
 
 
 # --- options and limits of a session, a run or a query, as users give them
