@@ -22,6 +22,7 @@ ELEMENTS = """
 
 
 @pytest.mark.parametrize("made", ["before", "meanwhile", "attached"])
+@pytest.mark.parametrize("engine", ["auto", "native"])
 def test_tables_called_as_the_virtual_tables(file: Path, engine: Any, made: str) -> None:
     attached = made == "attached"
     if made != "meanwhile":

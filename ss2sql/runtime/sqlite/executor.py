@@ -7,7 +7,7 @@ query stacks a new one on top.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import cached_property, partial
 from itertools import islice
@@ -303,18 +303,7 @@ class Database:
 
     def open_cursor(self, lowered: SqlQuery, interning: Interning, evaluate: Callable[[Parameter], Any]) -> apsw.Cursor:
         """The rows of a statement that runs beside another one; the caller closes them."""
-        return self._open_cursor(lowered.text, lowered.modules, self._bind_values(lowered, interning, evaluate))
-
-    def _open_cursor(
-        self, text: str, modules: Iterable[str], values: Mapping[str, Any], cursor: apsw.Cursor | None = None
-    ) -> apsw.Cursor:
-        """The cursor on the rows of a statement, whose virtual tables may have to come in front of tables first."""
-        try:
-            return self.guard.execute_reading(text, values, cursor)
-        except apsw.SQLError:
-            if not self.lists.do_shadow_tables(modules):
-                raise
-            return self.guard.execute_reading(text, values, cursor)
+        return self.guard.execute_reading(lowered.text, self._bind_values(lowered, interning, evaluate))
 
     def _bind_values(
         self, lowered: SqlQuery, interning: Interning, evaluate: Callable[[Parameter], Any]
@@ -382,7 +371,7 @@ class Database:
         cursor = self.connection.cursor()
         try:
             late = lowered.late
-            self._open_cursor(lowered.text, lowered.modules, values, cursor)
+            self.guard.execute_reading(lowered.text, values, cursor)
             plain, searches = lowered.plain_rows, lowered.query.gives_paths
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.

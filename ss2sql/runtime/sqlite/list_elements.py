@@ -212,8 +212,6 @@ class ElementModule:
         hidden = "".join(f', "{ARGUMENT} {number}" HIDDEN' for number in range(self.arguments))
         return f"CREATE TABLE elements({shown}{hidden})", _Table(self)
 
-    Create = Connect
-
 
 class ListModules:
     """The modules of a connection, one for each set of columns; `walk` walks a value for them."""
@@ -223,12 +221,12 @@ class ListModules:
         self.walk = walk
         self.calls = calls
         self._made: dict[str, int] = {}  # the number of arguments that each can take
-        self._first: set[str] = set()  # those that hide a table of the database
 
     def register_modules(self, wanted: Mapping[str, ListTable]) -> None:
         """Registers the modules with these names where there are none.
 
-        Tables of one name have the same columns; they may call a function with other arguments.
+        Tables of one name have the same columns; they may call a function with other arguments. A table of the database
+        with the name of a module hides it, and SQLite refuses the statement.
         """
         for name, table in wanted.items():
             if self._made.get(name, -1) < table.arguments:
@@ -238,25 +236,10 @@ class ListModules:
                     cast(Any, module),
                     use_bestindex_object=True,
                     eponymous=True,
-                    eponymous_only=False,
+                    eponymous_only=True,
                     read_only=True,
                 )
                 self._made[name] = module.arguments
-
-    def do_shadow_tables(self, wanted: Iterable[str]) -> bool:
-        """Makes the modules shadow tables of the same names; whether there are any that were not shadowed before.
-
-        SQLite looks a name up among temporary tables first. Scripts still find the shadowed table, by its schema.
-        """
-        found = [name for name in wanted if name not in self._first and self._is_table(name)]
-        for name in found:
-            self.connection.execute(f"CREATE VIRTUAL TABLE temp.{quote_names((name,))} USING {quote_names((name,))}")
-            self._first.add(name)
-        return bool(found)
-
-    def _is_table(self, name: str) -> bool:
-        text = "SELECT 1 FROM pragma_table_list WHERE name = ? COLLATE NOCASE AND type IN ('table', 'view')"
-        return self.connection.execute(text, (name,)).fetchone() is not None
 
 
 class _Table:
@@ -335,8 +318,6 @@ class _Table:
 
     def Disconnect(self) -> None:  # noqa: N802
         return
-
-    Destroy = Disconnect
 
 
 class _Cursor:

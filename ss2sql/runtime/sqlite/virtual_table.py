@@ -117,8 +117,6 @@ class WorldModule:
         hidden = ", ".join(f'"parameter {name}" HIDDEN' for name in self.parameters)
         return f'CREATE TABLE world({shown}{", " + hidden if hidden else ""}, "{ROW_NUMBER}" HIDDEN)', _Table(self)
 
-    Create = Connect
-
 
 class _Table:
     def __init__(self, module: WorldModule) -> None:
@@ -170,8 +168,6 @@ class _Table:
 
     def Disconnect(self) -> None:  # noqa: N802
         return
-
-    Destroy = Disconnect
 
 
 # --- the cursor of a world's table, by SQLite's protocol: Filter, then Eof, Column and Next for each row
