@@ -95,6 +95,7 @@ def test_converters_are_chained_by_their_number_and_by_their_price():
 # --- sensors --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_alarm_tells_every_change_while_the_robot_drives():
     pytest.importorskip("pybullet")
     from ss2sql.vtables.pybullet import PyBulletWorld

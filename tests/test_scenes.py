@@ -143,8 +143,7 @@ def test_things_in_the_hall_stand_still_and_the_seed_moves_some(client):
     assert moved == {"crate", "barrel"}
 
 
-@pytest.mark.parametrize("seed", [0, 1, 7])
-@pytest.mark.parametrize("step", [0.5, 1.0])
+@pytest.mark.parametrize(("seed", "step"), [(0, 0.5), (7, 1.0)])
 def test_ways_through_the_hall_lead_through_doors_and_around_obstacles(client, seed, step):
     networkx = pytest.importorskip("networkx")
     scene = scenes.hall(seed, client=client)

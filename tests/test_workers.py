@@ -21,6 +21,7 @@ import pytest
 import worker_functions
 from command_lines import call, good
 from golden import each_row
+from level_searches import ended
 from sessions import code_of
 
 import ss2sql
@@ -146,19 +147,12 @@ def test_a_run_inside_of_a_run(ss: ss2sql.Session) -> None:
 # --- errors --------------------------------------------------------------------------------------------
 
 
-def outcome(session: ss2sql.Session, script: str, workers: int) -> tuple[str, ...]:
-    with pytest.raises(Exception) as caught:  # noqa: PT011 - of whatever kind, it is compared
-        session.run(script, workers=workers)
-    error = caught.value
-    return type(error).__name__, str(error), *getattr(error, "__notes__", ())
-
-
-@pytest.mark.parametrize(("name", "kind"), [("failing", "LookupError"), ("not_a_number", "ExecutionError")])
+@pytest.mark.parametrize(("name", "kind"), [("failing", "LookupError"), ("not_a_number", "X004")])
 def test_errors_are_raised_here_at_their_places(ss: ss2sql.Session, name: str, kind: str) -> None:
     declare(ss, "is_far", onward=getattr(worker_functions, name))
     script = graph("WHERE is_far(onward(n, this))", bound=9)
-    assert outcome(ss, script, 1) == outcome(ss, script, 2)
-    assert outcome(ss, script, 1)[0] == kind
+    assert ended(ss, script, workers=1) == ended(ss, script, workers=2)
+    assert ended(ss, script, workers=1)[0] == kind
     assert same(ss, "SELECT onward(n, this) FROM [1] START WITH n = 1 CONNECT BY MEMORIZE 1 n = n;") == 0
 
 
@@ -168,7 +162,7 @@ def test_what_raises_behind_the_last_result_is_not_raised(ss: ss2sql.Session) ->
         "SELECT onward(n, this) FROM [1, 2] WHERE this == 1 "
         "START WITH n = 16 CONNECT BY MEMORIZE 1 n = n STOP WITH this == 2;"
     )
-    assert outcome(ss, script, 1) == outcome(ss, script, 2)
+    assert ended(ss, script, workers=1) == ended(ss, script, workers=2)
     lazy = "SELECT this FROM [1, 2] WHERE this == 1 OR onward(n, 3) == 2 START WITH n = 16 CONNECT BY MEMORIZE 1 n = n;"
     same(ss, lazy)
 
