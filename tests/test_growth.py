@@ -69,7 +69,7 @@ def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch
         return line
 
     monkeypatch.setattr(executor, "CHECK_EVERY", 10)
-    monkeypatch.setattr(executor.Database, "_check_progress", step)
+    monkeypatch.setattr(executor.Database, "_check_search", step)
     with session_for(make_case(script, size), engine=engine) as ss:
         for name in ("nodes", "links"):  # a column that no script reads
             ss.host.connection.execute(f"ALTER TABLE {name} ADD COLUMN weight REAL DEFAULT 1")
