@@ -125,15 +125,12 @@ def add_call_columns(
     for call in calls:
         arguments: list[str | int] = []
         for argument in call.arguments:
-            match argument:
-                case plan.Column(name=name) if _does_read_element(argument, source):
-                    arguments.append(name)
-                case plan.Element() if _does_read_element(argument, source):
-                    arguments.append("this")
-                case _:
-                    if argument not in shared:
-                        shared.append(argument)
-                    arguments.append(shared.index(argument) + 1)
+            if _does_read_element(argument, source):
+                arguments.append(argument.name if isinstance(argument, plan.Column) else "this")
+                continue
+            if argument not in shared:
+                shared.append(argument)
+            arguments.append(shared.index(argument) + 1)
         selects.needs.name_function(call.function.name, call.place)
         made.append(ElementCall(choose_free_name(call.function.name, taken), call.function.name, tuple(arguments)))
     module = selects.needs.name_list_table(ListTable(columns, tuple(made)))

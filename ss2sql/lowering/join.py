@@ -436,13 +436,8 @@ def _can_be_none(source: plan.Source) -> bool:
     match source:
         case plan.ValueSource(value=value):
             return value.type.may_be(Kind.NONE)
-        case plan.QuerySource(query=query):
-            return query.representation.name not in ("dict", "list", "rows")
-        case plan.WorldSource(arguments=arguments):
-            return any(argument.type.may_be(Kind.NONE) for argument in arguments)
         case _:
-            assert isinstance(source, plan.TableSource)
-            return False
+            return not isinstance(source, plan.TableSource)
 
 
 def _wrap_disjunction(term: Node) -> Node:

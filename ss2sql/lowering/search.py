@@ -276,17 +276,11 @@ class EagerSearch(RecursiveQuery):
 
     def check_parent_continues(self, expands: bool = True) -> list[Node]:
         """What is evaluated for the step that was taken, before its children; one SELECT counts that it expands."""
-        tests: list[Node] = []
-        if self.waits is not None:
-            tests.append(self.column(self.waits))
-        if self.continues_column is not None:
-            tests.append(self.column(self.continues_column))
-        still = self.check_still_best()
         if self.all_go_on:
             return []
-        if self.total is not None and still:
-            return [*tests, *still]  # which counts the steps that go on
-        if not expands:
+        tests = [self.column(name) for name in (self.waits, self.continues_column) if name is not None]
+        still = self.check_still_best()
+        if not expands or (self.total is not None and still):  # which counts the steps that go on
             return [*tests, *still]
         counted: Node = sql_builder.call("expand", *self.estimate_total())
         return [
@@ -299,11 +293,8 @@ class EagerSearch(RecursiveQuery):
         if self.search.repeats != "unique":
             return []
         if self.total is not None:
-            return [
-                sql_builder.call(
-                    "still_best", self.column("step"), self.rank_total(self.column(self.total)), *self.estimate_total()
-                )
-            ]
+            total = self.rank_total(self.column(self.total))
+            return [sql_builder.call("still_best", self.column("step"), total, *self.estimate_total())]
         if self.search.order == "depth first":
             return [sql_builder.call("arrive", self.column("step"))]
         return []

@@ -85,10 +85,9 @@ def case(branches: Iterable[tuple[Node, Node]], default: Node) -> Node:
     return exp.Case(ifs=ifs, default=default) if ifs else default
 
 
-def case_in_order(conditions: Sequence[Node], denied: bool = False) -> Node:
-    """The conjunction of conditions, or what it denies: each is evaluated only where those before it hold."""
-    decided = [(negate(condition), number(int(denied))) for condition in conditions[:-1]]
-    return case(decided, negate(conditions[-1]) if denied else conditions[-1])
+def case_in_order(conditions: Sequence[Node]) -> Node:
+    """The conjunction of conditions, each of which is evaluated only where those before it hold."""
+    return case([(negate(condition), number(0)) for condition in conditions[:-1]], conditions[-1])
 
 
 def conjunction(parts: Sequence[Node]) -> Node | None:

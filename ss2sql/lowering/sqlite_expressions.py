@@ -226,7 +226,7 @@ class ExpressionLowering:
                 one, other = self.lower_condition(left, scope), self.lower_condition(right, scope)
                 return sql_builder.binary(exp.NEQ, one, other)
             case plan.Not(operand=operand):
-                return self.lower_not(operand, scope)
+                return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
             case plan.If():
                 return self.lower_if(expr, scope)
             case plan.MakeList():
@@ -322,17 +322,12 @@ class ExpressionLowering:
     def write_place(self, span: Span) -> Node:
         return sql_builder.string(f"{span.line}:{span.column}")
 
-    def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope, denied: bool = False) -> Node:
-        """A conjunction, or what it denies; CASE keeps later parts from being evaluated where that could be noticed."""
+    def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
+        """A conjunction; CASE keeps later parts from being evaluated where that could be noticed."""
         conditions = [self.lower_condition(part, scope) for part in parts]
         if not is_in_order(parts):
             return sql_builder.join_by_and([sql_builder.keep_condition(condition) for condition in conditions])
-        return sql_builder.case_in_order(conditions, denied)
-
-    def lower_not(self, operand: plan.Expr, scope: SqlScope) -> Node:
-        if isinstance(operand, plan.And) and is_in_order(operand.parts):
-            return self.lower_and(operand.parts, scope, denied=True)
-        return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
+        return sql_builder.case_in_order(conditions)
 
     def lower_or(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
         return sql_builder.disjunction(

@@ -25,6 +25,11 @@ from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
 from ss2sql.lowering.sqlite_forms import fill_operands
 
 SCALARS = {Kind.INT: "BIGINT", Kind.FLOAT: "DOUBLE", Kind.STR: "VARCHAR", Kind.BOOL: "BOOLEAN"}
+EMPTY_VALUES = {
+    Kind.BOOL: exp.false(),
+    Kind.STR: sql_builder.string(""),
+    **dict.fromkeys((Kind.INT, Kind.FLOAT), sql_builder.number(0)),
+}
 MAX_EXACT_INTEGER = 2.0**53  # integers up to here are floats too
 
 
@@ -181,9 +186,8 @@ class PortableExpressions(ExpressionLowering):
     def lower_query(self, expr: plan.Expr, scope: SqlScope) -> Node:
         raise build_refusal("this is not SQL that every database has", expr.span)
 
-    def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope, denied: bool = False) -> Node:
-        test = sql_builder.join_by_and([self.lower_condition(part, scope) for part in parts])
-        return exp.Not(this=sql_builder.wrap_operand(test)) if denied else test
+    def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
+        return sql_builder.join_by_and([self.lower_condition(part, scope) for part in parts])
 
     def write_aggregate(self, expr: plan.Aggregate, argument: Node) -> Node:
         assert expr.argument is not None
@@ -241,18 +245,10 @@ class PortableExpressions(ExpressionLowering):
         node, kind = self.lower_expr(expr, scope), expr.type
         if kind.kinds == Kind.BOOL:
             return node
-        plain = kind.kinds & ~Kind.NONE
-        empty: Node
-        match plain:
-            case Kind.BOOL:
-                empty = exp.false()
-            case Kind.INT | Kind.FLOAT:
-                empty = sql_builder.number(0)
-            case Kind.STR:
-                empty = sql_builder.string("")
-            case _:
-                raise build_refusal("the truth of such a value is not the same everywhere", expr.span)
-        test = sql_builder.binary(exp.NEQ, node, empty)
+        empty = EMPTY_VALUES.get(kind.kinds & ~Kind.NONE)
+        if empty is None:
+            raise build_refusal("the truth of such a value is not the same everywhere", expr.span)
+        test = sql_builder.binary(exp.NEQ, node, empty.copy())
         return exp.Coalesce(this=test, expressions=[exp.false()]) if is_nullable(kind) else test
 
     def lower_if(self, expr: plan.If, scope: SqlScope) -> Node:

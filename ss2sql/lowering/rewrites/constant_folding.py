@@ -22,12 +22,12 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import is_supertype
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import is_volatile, rebuild_node, walk
+from ss2sql.language.values import get_truth
 from ss2sql.lowering.guards import is_free
 from ss2sql.lowering.rewrites.rewrite_context import (
     MAX_ELEMENTS,
     RewriteContext,
     is_foldable_value,
-    is_folded_true,
     make_constant,
     rewrite_bottom_up,
     rewrite_to_bool,
@@ -46,9 +46,9 @@ def fold_node(node: Any) -> Any:
         case plan.And() | plan.Or():
             return _fold_connective(node)
         case plan.Not(operand=plan.Constant() as known):
-            return make_constant(not is_folded_true(known), node.span)
+            return make_constant(not get_truth(known.value), node.span)
         case plan.If(condition=plan.Constant() as known):
-            branch = node.then if is_folded_true(known) else node.otherwise
+            branch = node.then if get_truth(known.value) else node.otherwise
             return node if any(map(is_volatile, branch[:-1])) else branch[-1]
         case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
             return _make_small_constant([item.value for item in items if isinstance(item, plan.Constant)], node)
@@ -106,7 +106,7 @@ def _fold_connective(node: plan.And | plan.Or) -> plan.Expr:
     for part in node.parts:
         if not isinstance(part, plan.Constant):
             parts.append(part)
-        elif is_folded_true(part) is deciding:
+        elif get_truth(part.value) is deciding:
             decided = True
             break
     if decided or not parts:
@@ -120,7 +120,7 @@ def _fold_connective(node: plan.And | plan.Or) -> plan.Expr:
 
 def _drop_true_conditions(query: plan.Query) -> plan.Query:
     """The query without conditions that always hold. Without WHERE a search has other goals, so it keeps that."""
-    if query.search is None and isinstance(query.where, plan.Constant) and is_folded_true(query.where):
+    if query.search is None and isinstance(query.where, plan.Constant) and get_truth(query.where.value):
         query = replace(query, where=None)
     return query
 

@@ -65,10 +65,6 @@ def list_items(expr: plan.Expr) -> tuple[plan.Expr, ...]:
             return ()
 
 
-def is_folded_true(node: plan.Constant) -> bool:
-    return get_truth(node.value)
-
-
 def rewrite_to_bool(expr: plan.Expr) -> plan.Expr:
     if expr.type.is_only(Kind.BOOL):
         return expr
@@ -92,7 +88,7 @@ def negate_expression(expr: plan.Expr) -> plan.Expr:
     """
     match expr:
         case plan.Constant():
-            return make_constant(not is_folded_true(expr), expr.span)
+            return make_constant(not get_truth(expr.value), expr.span)
         case plan.Not(operand=operand):
             return operand
         case plan.And(parts=parts) if not is_in_order(parts):  # AND guards them, OR in SQL does not
