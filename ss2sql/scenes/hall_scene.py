@@ -98,12 +98,7 @@ class Hall(Scene):
         self.robot = self._add_robot()
 
     def _build_walls(self) -> None:
-        self.add(
-            "floor",
-            Box(WIDTH, DEPTH, 0.1),
-            (WIDTH / 2, DEPTH / 2, -0.05),
-            FLOOR,
-        )
+        self.add("floor", Box(WIDTH, DEPTH, 0.1), (WIDTH / 2, DEPTH / 2, -0.05), FLOOR)
         self.outlines = [((x, 0.0, 0.0), (x, DEPTH, 0.0)) for x in range(1, int(WIDTH))]
         self.outlines += [((0.0, y, 0.0), (WIDTH, y, 0.0)) for y in range(1, int(DEPTH))]
         for (x1, y1), (x2, y2) in WALLS:

@@ -53,6 +53,8 @@ from ss2sql.language.kinds import Handle
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
+    from ss2sql.vtables.schema import Schema
+
 F = TypeVar("F", bound=Callable[..., Any])
 Volatility = Literal["immutable", "stable", "volatile"]
 
@@ -322,30 +324,28 @@ class Element(Handle):
     def __repr__(self) -> str:
         return f"{self.table.name}[{self.key!r}]"
 
-    def __getattr__(self, name: str) -> Any:
+    @property
+    def _schema(self) -> Schema:
         from ss2sql.vtables.schema import get_schema
 
-        schema = get_schema(self.table)
-        if name not in schema.kinds:
+        return get_schema(self.table)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in self._schema.kinds:
             raise AttributeError(f"{self.table.name} have no column '{name}'", name=name, obj=self)
-        return schema.read_value(self.key, name)
+        return self._schema.read_value(self.key, name)
 
     def __column__(self, name: str) -> Any:
         """A column, or what a method of its world gives for it."""
-        from ss2sql.vtables.schema import get_schema
-
-        schema = get_schema(self.table)
-        if name in schema.kinds:
-            return schema.read_value(self.key, name)
+        if name in self._schema.kinds:
+            return self._schema.read_value(self.key, name)
         method = getattr(type(self.world), name, None)
         if isinstance(getattr(method, "__ss2sql__", None), WorldFunction):
             return getattr(self.world, name)(self if self.table.as_elements else self.key)
         raise KeyError(name)
 
     def __columns__(self) -> Iterable[str]:
-        from ss2sql.vtables.schema import get_schema
-
-        return get_schema(self.table).kinds
+        return self._schema.kinds
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Element:
         return self  # a copy refers to the same world

@@ -49,23 +49,12 @@ def convert_frame_cell(value: Any) -> Any:
         return value.isoformat()
     if isinstance(value, datetime.timedelta):
         return value.total_seconds()
-    if isinstance(value, Decimal):
-        return convert_frame_decimal(value)
-    return _convert_frame_cells(value)
-
-
-def convert_frame_decimal(value: Decimal) -> int | float | None:
-    """A decimal as a number: an integer if it has no decimal places."""
-    if value.is_nan():
-        return None
-    exponent = value.as_tuple().exponent
-    return int(value) if isinstance(exponent, int) and exponent >= 0 else float(value)
-
-
-def _convert_frame_cells(value: Any) -> Any:
-    """Converts arrays in cells, and scalars of NumPy; other values are converted later."""
+    if isinstance(value, Decimal):  # an integer if it has no decimal places
+        exponent = value.as_tuple().exponent
+        whole = isinstance(exponent, int) and exponent >= 0
+        return None if value.is_nan() else int(value) if whole else float(value)
     if not isinstance(value, (numpy.ndarray, numpy.generic)):
-        return value
+        return value  # it is converted later
     if value.dtype.kind in "mM":
         array = value.reshape(-1) if isinstance(value, numpy.ndarray) else numpy.array([value])
         converted = convert_array(array, None, "a cell").values

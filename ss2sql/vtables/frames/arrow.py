@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -23,14 +24,7 @@ pyarrow: Any = import_module("pyarrow")
 
 def reader(source: Any, name: str) -> Reader:
     """The reader of a table, which reads it once, since it is immutable."""
-    known: list[Frame] = []
-
-    def read_frame() -> Frame:
-        if not known:
-            known.append(_read_arrow(source, name))
-        return known[0]
-
-    return read_frame
+    return cache(lambda: _read_arrow(source, name))
 
 
 def _read_arrow(table: Any, name: str) -> Frame:

@@ -90,8 +90,7 @@ class MuJoCoWorld(BodyWorld):
             int(kinds.mjTRN_SITE): model.site_bodyid,
             int(kinds.mjTRN_BODY): np.arange(model.nbody),
         }
-        pairs = zip(model.actuator_trntype.tolist(), model.actuator_trnid[:, 0].tolist(), strict=True)
-        return np.array([owners[kind][target] for kind, target in pairs if kind in owners], int)
+        return _list_owners(owners, model.actuator_trntype, model.actuator_trnid[:, 0])
 
     @cached_property
     def sensing_bodies(self) -> Array:
@@ -105,8 +104,7 @@ class MuJoCoWorld(BodyWorld):
             int(kinds.mjOBJ_CAMERA): model.cam_bodyid,
             int(kinds.mjOBJ_JOINT): model.jnt_bodyid,
         }
-        pairs = zip(model.sensor_objtype.tolist(), model.sensor_objid.tolist(), strict=True)
-        return np.array([owners[kind][target] for kind, target in pairs if kind in owners], int)
+        return _list_owners(owners, model.sensor_objtype, model.sensor_objid)
 
     def read_positions(self) -> tuple[list[int], Array]:
         return list(range(self.model.nbody)), self.data.xpos
@@ -142,8 +140,7 @@ class MuJoCoWorld(BodyWorld):
 
     def _are_parts(self, body: int, bodies: Array) -> Array:
         parts = self.list_parts(body)
-        found: Array = (bodies >= parts.start) & (bodies < parts.stop)
-        return found
+        return (bodies >= parts.start) & (bodies < parts.stop)
 
     def _list_solids(self, body: int) -> frozenset[int]:
         """The shapes of a body and its parts that count for it."""
@@ -214,3 +211,9 @@ class MuJoCoWorld(BodyWorld):
             name = self.list_names("body", model.nbody)[body]
             hints = ("give it a free joint, or make it a mocap body",)
             raise ExecutionError("X007", f"the body '{name}' cannot be moved freely", hints=hints)
+
+
+def _list_owners(owners: dict[int, Any], kinds: Array, numbers: Array) -> Array:
+    """The bodies of things with these kinds and numbers; `owners` has those of each kind by number."""
+    pairs = zip(kinds.tolist(), numbers.tolist(), strict=True)
+    return np.array([owners[kind][number] for kind, number in pairs if kind in owners], int)

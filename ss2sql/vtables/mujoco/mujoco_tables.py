@@ -54,16 +54,14 @@ class MuJoCoShapes:
         """Whether anything can collide with a body."""
         model = self.model
         touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-        found: Array = np.bincount(model.geom_bodyid[touches], minlength=model.nbody) > 0
-        return found
+        return np.asarray(np.bincount(model.geom_bodyid[touches], minlength=model.nbody) > 0)
 
     @cached_property
     def solid_shapes(self) -> Array:
         """Whether a shape counts for its body: it can touch others, or the body has none that can."""
         model = self.model
         touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-        found: Array = touches | ~self.touchable_bodies[model.geom_bodyid]
-        return found
+        return np.asarray(touches | ~self.touchable_bodies[model.geom_bodyid])
 
     def list_body_kinds(self) -> Array:
         """The kind of the only shape of each body, else `compound` or `ghost`."""
@@ -101,10 +99,7 @@ class MuJoCoShapes:
 
     def measure_body_volumes(self) -> Array:
         model, solid = self.model, self.solid_shapes
-        found: Array = np.bincount(
-            model.geom_bodyid[solid], weights=self.measure_volumes()[solid], minlength=model.nbody
-        )
-        return found
+        return np.bincount(model.geom_bodyid[solid], weights=self.measure_volumes()[solid], minlength=model.nbody)
 
     def measure_boxes(self) -> Array:
         """The two corners of the box around each shape: an array of (shape, corner, axis)."""
@@ -125,17 +120,12 @@ class MuJoCoShapes:
         )  # fmt: skip
         middle = np.where((kind == PLANE)[:, None], data.geom_xpos, centre)
         boxes = np.stack((middle - half, middle + half), axis=1)
-        self._bound_planes(boxes)
-        found: Array = np.clip(boxes, -FAR, FAR)
-        return found
-
-    def _bound_planes(self, boxes: Array) -> None:
-        """Ends the box of a plane along two axes at its front."""
-        for plane in np.flatnonzero(self.model.geom_type == PLANE):
-            normal = self.data.geom_xmat[plane].reshape(3, 3)[:, 2]
+        for plane in np.flatnonzero(kind == PLANE):  # that of a plane along two axes ends at its front
+            normal = upright[plane]
             axis = int(np.argmax(np.abs(normal)))
             if abs(normal[axis]) > 1 - 1e-12:
-                boxes[plane, 1 if normal[axis] > 0 else 0, axis] = self.data.geom_xpos[plane, axis]
+                boxes[plane, 1 if normal[axis] > 0 else 0, axis] = data.geom_xpos[plane, axis]
+        return np.asarray(np.clip(boxes, -FAR, FAR))
 
     def measure_body_boxes(self) -> Array:
         """The boxes around the shapes of bodies and of all that hangs on them; where there are none, their origin."""
@@ -260,8 +250,7 @@ class MuJoCoBodies(_Oriented):
         return [self.element(int(key)) for key in self.check_keys(keys)]
 
     def read_quaternions(self, keys: Keys) -> Array:
-        found: Array = self.world.data.xquat[self.check_keys(keys)]
-        return found
+        return np.asarray(self.world.data.xquat[self.check_keys(keys)])
 
     def read_places(self, keys: Keys) -> tuple[Array, ...]:
         points = self.world.data.xpos[self.check_keys(keys)]
@@ -299,13 +288,11 @@ class MuJoCoBodies(_Oriented):
         return np.isin(self.check_keys(keys), self.world.sensing_bodies)
 
     def are_touchable(self, keys: Keys) -> Array:
-        found: Array = self.world.shapes.touchable_bodies[self.check_keys(keys)]
-        return found
+        return np.asarray(self.world.shapes.touchable_bodies[self.check_keys(keys)])
 
     def are_movable(self, keys: Keys) -> Array:
         model = self.world.model
-        found: Array = model.body_dofnum[model.body_weldid[self.check_keys(keys)]] > 0
-        return found
+        return np.asarray(model.body_dofnum[model.body_weldid[self.check_keys(keys)]] > 0)
 
     def read_poses(self, keys: Keys) -> Array:
         return np.hstack((self.world.data.xpos[self.check_keys(keys)], self.read_quaternions(keys)[:, _REAL_LAST]))

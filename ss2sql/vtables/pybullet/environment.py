@@ -58,8 +58,8 @@ FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not
 WIDE = 100.0  # metres: bodies with larger boxes, such as that of plane.urdf, leave a view to the others
 
 
-def list_selected_bodies(world: Any, form: str, table: Table) -> list[int]:
-    """The ids of the selected bodies, each once, in the order of the rows.
+def find_selected_bodies(world: Any, form: str, table: Table) -> tuple[Any, list[int]]:
+    """The world that the selected bodies belong to, `world` where there are none, and their ids, each once, in order.
 
     They are the elements in the columns of SELECT; where there are none, those of the source that the columns read.
     """
@@ -71,20 +71,14 @@ def list_selected_bodies(world: Any, form: str, table: Table) -> list[int]:
             "of several sources name one: SELECT b.this FROM a = ..., b = ...",
         )
         refuse_argument(form, "finds no bodies in these rows", *hints)
+    world = selected[0].world if selected else world
     for element in selected:
         if element.world.source is not world.source:
             refuse_argument(
                 form, f"cannot mix worlds: {element!r} belongs to another one", "ask for the bodies of one world"
             )
     world.check()
-    found = dict.fromkeys(world.find_body(element.key) for element in selected)
-    return list(found)
-
-
-def find_selected_world(world: Any, table: Table) -> Any:
-    """The world that the selected elements belong to; `world` where there are none."""
-    values = (value for rows in (table.rows, table.hidden) for row in rows for value in row)
-    return next((value.world for value in values if isinstance(value, Element)), world)
+    return world, list(dict.fromkeys(world.find_body(element.key) for element in selected))
 
 
 def resolve_area(world: Any, form: str, cell: Any, area: Any) -> tuple[list[float], float, int, int]:
@@ -126,8 +120,7 @@ Ranges = tuple[range, range]  # of columns and of rows
 
 
 def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
-    world = find_selected_world(world, table)
-    bodies = list_selected_bodies(world, "occupancygrid", table)
+    world, bodies = find_selected_bodies(world, "occupancygrid", table)
     height = check_number("occupancygrid", "the height z", z)
     origin, edge, columns, rows = resolve_area(world, "occupancygrid", cell, area)
     grid = Grid(np.zeros((rows, columns), dtype=bool), origin, edge)
@@ -196,8 +189,7 @@ NEAR = 1e-4  # metres before the end of a ray where a hit counts as the surface 
 
 
 def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
-    world = find_selected_world(world, table)
-    bodies = list_selected_bodies(world, "sensorgrid", table)
+    world, bodies = find_selected_bodies(world, "sensorgrid", table)
     for body in bodies:
         if body not in world.sensors:
             refuse_argument(
@@ -216,15 +208,10 @@ def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> 
                 table.check()
             sensor = world.sensors[body]
             selected = np.flatnonzero(are_in_cone(sensor, points))
-            seen[first + selected[_find_cells_sensor_sees(world, body, sensor, points[selected])]] += 1
+            hits, fractions = find_first_hits(world, body, sensor.position, points[selected])
+            lengths = np.linalg.norm(points[selected] - np.asarray(sensor.position, dtype=float), axis=1)
+            seen[first + selected[(hits < 0) | ((1 - fractions) * lengths <= NEAR)]] += 1
     return grid
-
-
-def _find_cells_sensor_sees(world: Any, body: int, sensor: Any, ends: Any) -> Any:
-    """For each point whether a ray from the sensor reaches it."""
-    hits, fractions = find_first_hits(world, body, sensor.position, ends)
-    lengths = np.linalg.norm(ends - np.asarray(sensor.position, dtype=float), axis=1)
-    return (hits < 0) | ((1 - fractions) * lengths <= NEAR)
 
 
 # --- `AS environment`: a new simulation with only the selected bodies
@@ -291,7 +278,9 @@ class Environment(Scene):
         scene = world.scene
         super().__init__(getattr(scene, "seed", 0))
         self.ids: dict[int, int] = {}  # of the copies, by those of the originals
-        _copy_bullet_settings(world.calls, self.client)
+        parameters = world.calls.getPhysicsEngineParameters()
+        self.client.setGravity(*(parameters[f"gravityAcceleration{axis}"] for axis in "XYZ"))
+        self.client.setTimeStep(parameters["fixedTimeStep"])
         self.bounds = measure_bounds(world)  # type: ignore[misc]
         self.views = {"corner": make_corner_view(*measure_bounds(world, WIDE))}  # type: ignore[misc]
         for name in ("views", "places", "outlines", "steps"):
@@ -317,14 +306,8 @@ class Environment(Scene):
 
 
 def make_environment(world: Any, table: Table) -> Environment:
-    world = find_selected_world(world, table)
-    return Environment(world, list_selected_bodies(world, "environment", table), table.check)
-
-
-def _copy_bullet_settings(calls: Any, client: Any) -> None:
-    parameters = calls.getPhysicsEngineParameters()
-    client.setGravity(*(parameters[f"gravityAcceleration{axis}"] for axis in "XYZ"))
-    client.setTimeStep(parameters["fixedTimeStep"])
+    world, bodies = find_selected_bodies(world, "environment", table)
+    return Environment(world, bodies, table.check)
 
 
 @dataclass(frozen=True, slots=True)
