@@ -225,6 +225,16 @@ class BodyWorld(World):
         """Whether two bodies come nearer than a margin."""
         return self.measure_gap(one, other) <= margin
 
+    def list_ids(self) -> Sequence[int]:
+        """The ids of all bodies in their order."""
+        return self.read_positions()[0]
+
+    def has_body(self, body: int) -> bool:
+        return body in self.list_ids()
+
+    def name_of(self, body: int) -> str:
+        return str(self.read_column(body, "name"))
+
     def list_parts(self, body: int) -> Sequence[int]:
         """The bodies that a body consists of, where it is more than its own row."""
         return (body,)
@@ -272,8 +282,7 @@ class BodyWorld(World):
 
     def iterate_pairs(self, a: Any, b: Any) -> Iterable[tuple[int, int]]:
         """The pairs of bodies a and b, where None stands for all; without both each pair once."""
-        ids = self.read_positions()[0] if a is None or b is None else []
-        first, second = (ids if body is None else [self.find_body(body)] for body in (a, b))
+        first, second = (self.list_ids() if body is None else [self.find_body(body)] for body in (a, b))
         both = a is None and b is None
         pairs = ((x, y) for x in first for y in second if x < y or (x != y and not both))
         return iterate_checked(pairs)
@@ -285,14 +294,24 @@ class BodyWorld(World):
             known["positions"] = self.read_positions()
         return known["positions"]  # type: ignore[no-any-return]
 
-    def filter_by_position(self, where: Where) -> list[int]:
-        """The bodies that may meet conditions on x, y and z; those without a position, too: reading it tells why."""
-        ids, points = self.list_positions()
-        inside = np.ones(len(ids), bool)
-        for number, axis in enumerate(AXES):
-            if axis in where:
-                inside &= ~((points[:, number] < where.low(axis)) | (points[:, number] > where.high(axis)))
-        return [ids[place] for place in np.flatnonzero(inside)]
+    def filter_bodies(self, where: Where) -> Sequence[int]:
+        """The bodies that may meet conditions on id, name, x, y and z.
+
+        Those without a position may, too: reading it tells why.
+        """
+        wanted, name = where.equal("id"), where.equal("name")
+        if wanted is not None:
+            found: Sequence[int] = [int(wanted)] if wanted % 1 == 0 and self.has_body(int(wanted)) else []
+        elif where.keys().isdisjoint(AXES):
+            found = self.list_ids()
+        else:
+            ids, points = self.list_positions()
+            inside = np.ones(len(ids), bool)
+            for number, axis in enumerate(AXES):
+                if axis in where:
+                    inside &= ~((points[:, number] < where.low(axis)) | (points[:, number] > where.high(axis)))
+            found = [ids[place] for place in np.flatnonzero(inside)]
+        return found if name is None else [body for body in found if self.name_of(body) == name]
 
     def find_body(self, wanted: Any) -> int:
         """The id of a body, given by its element or that of a part of it, by its id or its name."""
@@ -302,8 +321,7 @@ class BodyWorld(World):
             return wanted
         if not isinstance(wanted, str):
             raise make_parameter_error("body", "an element of this world, the id of a body, or its name", wanted)
-        keys: list[Any] = list(self.bodies.keys(Where()))
-        return find_named_body(wanted, {key: self.read_column(key, "name") for key in keys})
+        return find_named_body(wanted, {body: self.name_of(body) for body in self.list_ids()})
 
     def find_point(self, value: Any) -> Sequence[float]:
         """A point, given by coordinates or by a body. Raises the error of the column `pos` where the body has none."""
@@ -496,7 +514,7 @@ class Overlaps(TableFunction):
 
     def rows(self, box: Any) -> Iterator[int]:
         low, high = self.world.find_box("overlaps", box)
-        for body in self.world.read_positions()[0]:
+        for body in self.world.list_ids():
             least, most = self.world.read_box(body)
             if all(a <= d and c <= b for a, b, c, d in zip(low, high, least, most, strict=True)):
                 yield body

@@ -109,6 +109,12 @@ class MuJoCoWorld(BodyWorld):
     def read_positions(self) -> tuple[list[int], Array]:
         return list(range(self.model.nbody)), self.data.xpos
 
+    def list_ids(self) -> range:
+        return range(self.model.nbody)
+
+    def name_of(self, body: int) -> str:
+        return self.list_names("body", self.model.nbody)[body]
+
     def read_point(self, value: Any) -> Sequence[float]:
         """A body's position by its id takes 1 us, by its column 20 us; joins read two for each pair."""
         if type(value) is int and 0 <= value < self.model.nbody:
@@ -208,9 +214,8 @@ class MuJoCoWorld(BodyWorld):
         elif mocap >= 0:
             data.mocap_pos[mocap], data.mocap_quat[mocap] = pose[:3], pose[3:]
         else:
-            name = self.list_names("body", model.nbody)[body]
             hints = ("give it a free joint, or make it a mocap body",)
-            raise ExecutionError("X007", f"the body '{name}' cannot be moved freely", hints=hints)
+            raise ExecutionError("X007", f"the body '{self.name_of(body)}' cannot be moved freely", hints=hints)
 
 
 def _list_owners(owners: dict[int, Any], kinds: Array, numbers: Array) -> Array:

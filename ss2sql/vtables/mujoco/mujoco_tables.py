@@ -158,16 +158,6 @@ _JOINTS = ("free", "ball", "slide", "hinge")
 _GEOM_COLUMNS = f"{POSITION} {ROTATION} {SHAPE} rot volume aabb".split()
 
 
-def _find_mujoco_numbers(names: Sequence[str], where: Where, count: int) -> Iterable[int]:
-    """The numbers that meet conditions on `id` and `name`."""
-    number, name = where.equal("id"), where.equal("name")
-    if number is not None:
-        return [int(number)] if number == int(number) and 0 <= number < count else []
-    if name is not None:
-        return [place for place, known in enumerate(names) if known == name]
-    return range(count)
-
-
 class _Numbered(Table):
     """A table whose keys are the numbers that MuJoCo gives to its elements."""
 
@@ -178,7 +168,10 @@ class _Numbered(Table):
     world: MuJoCoWorld
 
     def keys(self, where: Where) -> Iterable[int]:
-        return _find_mujoco_numbers(self.names, where, self.size)
+        number, name = where.equal("id"), where.equal("name")
+        if number is not None:
+            return [int(number)] if number % 1 == 0 and 0 <= number < self.size else []
+        return range(self.size) if name is None else [n for n, known in enumerate(self.names) if known == name]
 
     @property
     def size(self) -> int:
@@ -240,11 +233,7 @@ class MuJoCoBodies(_Oriented):
     }  # fmt: skip
 
     def keys(self, where: Where) -> Iterable[int]:
-        allowed = _find_mujoco_numbers(self.names, where, self.size)
-        if where.keys().isdisjoint("xyz"):
-            return allowed
-        inside = self.world.filter_by_position(where)
-        return inside if isinstance(allowed, range) else [body for body in inside if body in allowed]
+        return self.world.filter_bodies(where)
 
     def read_elements(self, keys: Keys) -> list[Any]:
         return [self.element(int(key)) for key in self.check_keys(keys)]

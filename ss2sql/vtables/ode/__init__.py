@@ -92,11 +92,12 @@ class OdeWorld(BodyWorld):
             raise make_gone_error("geom", key)
         return geom
 
-    def has_geom(self, number: Any) -> bool:
-        geom = self.numbers.by_number.get(number)
-        if geom is None:
-            return number in self.find_geoms()  # a new geom gets its number here
-        return self._is_in_space(geom)
+    def list_ids(self) -> list[int]:
+        return sorted(self.find_geoms())
+
+    def has_body(self, body: int) -> bool:
+        geom = self.numbers.by_number.get(body)
+        return body in self.find_geoms() if geom is None else self._is_in_space(geom)  # a new geom gets its number
 
     def _is_in_space(self, geom: Any) -> bool:
         # getSpace is stale for a removed geom, and None for spaces within a space.

@@ -216,13 +216,7 @@ class OdeBodies(Posed):
     world: OdeWorld
 
     def keys(self, where: Where) -> Iterable[int]:
-        number, name = where.equal("id"), where.equal("name")
-        if number is not None:
-            return [int(number)] if self.world.has_geom(number) else []
-        found = (
-            sorted(self.world.find_geoms()) if where.keys().isdisjoint("xyz") else self.world.filter_by_position(where)
-        )
-        return found if name is None else [key for key in found if self.read_name(key) == name]
+        return self.world.filter_bodies(where)
 
     def get_geom(self, key: Any) -> Any:
         return self.world.get_geom(key)

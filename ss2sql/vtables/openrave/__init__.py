@@ -106,16 +106,7 @@ class OpenRaveBodies(_OpenRaveSolids):
     }  # fmt: skip
 
     def keys(self, where: Where) -> Iterable[int]:
-        number, name = where.equal("id"), where.equal("name")
-        if not where.keys().isdisjoint("xyz"):
-            allowed = set(self.world.filter_by_position(where))
-            found = [body for body in self.world.list_bodies() if body.GetEnvironmentId() in allowed]
-        else:
-            found = self.world.list_bodies()
-        for body in found:
-            known = int(body.GetEnvironmentId())
-            if number in (None, known) and name in (None, str(body.GetName())):
-                yield known
+        return self.world.filter_bodies(where)
 
     def get_part(self, key: Any) -> Any:
         return self.world.get_body(key)
@@ -235,6 +226,9 @@ class OpenRaveWorld(BodyWorld):
         """All bodies, in the order of their numbers."""
         return sorted(self.environment.GetBodies(), key=lambda body: int(body.GetEnvironmentId()))
 
+    def list_ids(self) -> list[int]:
+        return [int(body.GetEnvironmentId()) for body in self.list_bodies()]
+
     def number_parts(self, method: str) -> list[tuple[int, int]]:
         """The number of a body and a number from 0 on for each of its parts, which this method gives."""
         bodies = self.list_bodies()
@@ -250,7 +244,7 @@ class OpenRaveWorld(BodyWorld):
     def read_positions(self) -> tuple[list[int], Any]:
         found = self.list_bodies()
         points = [_read_openrave_pose(body)[0] for body in found]
-        return [int(body.GetEnvironmentId()) for body in found], np.array(points, float).reshape(len(found), 3)
+        return self.list_ids(), np.array(points, float).reshape(len(found), 3)
 
     def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
         if margin:

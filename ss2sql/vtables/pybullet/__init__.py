@@ -98,7 +98,7 @@ class PyBulletWorld(CollisionFunctions):
         seen = [(body, *(getattr(one, word) for word in words)) for body, one in sorted(self.sensors.items())]
         return f"{digest_world(self, without=('cameras.sees',))} {seen}"
 
-    def has_body(self, body: Any) -> bool:
+    def has_body(self, body: int) -> bool:
         try:
             self._info(body, self.calls.number)
         except (self.calls.error, OverflowError, TypeError):

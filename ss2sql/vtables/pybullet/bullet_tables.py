@@ -15,7 +15,6 @@ import numpy as np
 
 from ss2sql.language.cancellation import iterate_checked
 from ss2sql.vtables.body_functions import (
-    AXES,
     FAR,
     PAIR,
     PLACES,
@@ -230,18 +229,8 @@ class BulletBodies(Table):
         self._joints = world.calls.get_numbered_call("getNumJoints")
         self._info = world.calls.get_numbered_call("getBodyInfo")
 
-    def keys(self, where: Where) -> list[int]:
-        world = self.world
-        wanted = where.equal("id")
-        if wanted is not None:
-            key = int(wanted)
-            found = [key] if wanted == key and world.has_body(key) else []
-        elif where.keys().isdisjoint(AXES):
-            found = world.list_ids()
-        else:
-            found = world.filter_by_position(where)
-        name = where.equal("name")
-        return found if name is None else [body for body in found if world.name_of(body) == name]
+    def keys(self, where: Where) -> Sequence[int]:
+        return self.world.filter_bodies(where)  # type: ignore[no-any-return]
 
     def read_names(self, keys: Sequence[int]) -> list[str]:
         return self._ask_simulator(self.world.name_of if self.world.names else self._read_name, keys)
