@@ -91,20 +91,12 @@ class ScriptInputs:
 
     def open_session(self, progress: bool | None = None) -> Session:
         """A session with all of it; by default progress is shown on a terminal."""
-        # These imports take half a second, which completion and --help avoid.
-        from ss2sql.runtime.run.value_sizes import MAX_SIZE
-        from ss2sql.session.session import connect
+        from ss2sql.session.session import connect  # half a second, which completion and --help avoid
 
         shown: str | bool = "auto" if progress is None else progress
-        session = connect(
-            self.database,
-            progress=shown,
-            read_only=self.database is not None,
-            max_size=MAX_SIZE if self.max_size is None else self.max_size,
-            max_memory=self.max_memory,
-            max_steps=self.max_steps,
-            max_output=self.max_output,
-        )
+        limits = {name: getattr(self, name) for name in ("max_size", "max_memory", "max_steps", "max_output")}
+        given = {name: limit for name, limit in limits.items() if limit is not None}
+        session = connect(self.database, progress=shown, read_only=self.database is not None, **given)
         for path in self.function_files:
             register_file(session, path)
         for world in self.worlds:

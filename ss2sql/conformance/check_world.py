@@ -124,7 +124,8 @@ class QueryGenerator:
             inner = word.join(self._make_condition(named, depth - 1) for _ in range(dice.randint(2, 3)))
             return f"NOT ({inner})" if dice.random() < 0.15 else f"({inner})"
         name, copy = dice.choice(named)
-        column = self._pick_filtered_column(copy)
+        filtered = [column for column in copy.plain if column.filter]  # by which the adapter can filter: preferred
+        column = dice.choice(filtered if filtered and dice.random() < 0.7 else copy.plain)
         left = f"{name}.{column.name}"
         kind = copy.schema.kinds[column.name]
         ordered = kind.is_only(_NUMBER) or kind.is_only(_TEXT)
@@ -134,11 +135,6 @@ class QueryGenerator:
             return f"{left} {dice.choice(('IN', 'NOT IN'))} [{values}]"
         right = self._choose_column(named, kind) if dice.random() < 0.25 else self._make_literal(copy, column)
         return f"{left} {operator} {right}" if dice.random() < 0.8 else f"{right} {_TURNED[operator]} {left}"
-
-    def _pick_filtered_column(self, copy: TableCopy) -> Column:
-        """A column, preferably one that the adapter can filter by."""
-        filtered = [column for column in copy.plain if column.filter]
-        return self.dice.choice(filtered if filtered and self.dice.random() < 0.7 else copy.plain)
 
     def _choose_column(self, named: Sequence[tuple[str, TableCopy]], kind: Any) -> str:
         """A column of the same kind, of any table."""
@@ -396,7 +392,8 @@ class _Judge:
         for arguments in calls:
             shown = f"{table.name}({', '.join(map(repr, arguments))})"
             with _guard_judged_rule("table functions give rows that fit", shown):
-                rows, again = (Reading(schema, self._make_reading(schema)).call_function(arguments) for _ in range(2))
+                walked = None if schema.walked is None else Reading(get_schema(schema.walked))
+                rows, again = (Reading(schema, walked).call_function(arguments) for _ in range(2))
             if rows != again:
                 raise BrokenRuleError("reading changes nothing", shown, f"it gives {rows}, then {again}")
             if schema.walked is not None:
@@ -407,10 +404,6 @@ class _Judge:
                     raise BrokenRuleError("table functions give keys of their table", shown, detail)
                 if len(set(rows)) < len(rows):
                     raise BrokenRuleError("keys are unique", shown, f"one comes twice: {rows}")
-
-    @staticmethod
-    def _make_reading(schema: Schema) -> Reading | None:
-        return None if schema.walked is None else Reading(get_schema(schema.walked))
 
     def make_arguments(self, table: TableFunction, schema: Schema) -> Iterator[tuple[Any, ...]]:
         if table.name in self.arguments:

@@ -7,7 +7,7 @@ the operator `+`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from importlib import import_module
 from itertools import takewhile
@@ -157,9 +157,10 @@ class NotebookNames:
         """
         tree = parse(script)
         self._remove_outdated()
-        for name in dict.fromkeys(_find_functions_in_cell(tree)):
+        calls = [node for node in ast.walk_syntax(tree) if isinstance(node, ast.Call) and node.owner is None]
+        for name in dict.fromkeys(call.function for call in calls):
             found = self._find_value(name)
-            if callable(found) and self._is_new(name, found):
+            if callable(found):
                 self._provide_function(name, found)
         provided = True
         while provided:  # new values may have columns, which changes the unknown names
@@ -203,10 +204,7 @@ class NotebookNames:
         if found is MISSING:
             return False
         if callable(found):
-            if not self._is_new(name, found):
-                return False
-            self._provide_function(name, found)
-            return True
+            return self._provide_function(name, found)
         if type(found) in SCALARS:
             self.session.set(name, found)
         else:
@@ -214,9 +212,13 @@ class NotebookNames:
         self._values[name] = found, self._get_session_value(name)
         return True
 
-    def _provide_function(self, name: str, function: Any) -> None:
-        self.session.function(name, function)
-        self._functions[name] = function
+    def _provide_function(self, name: str, function: Any) -> bool:
+        """Registers a function that is new; says whether it is."""
+        new = self._is_new(name, function)
+        if new:
+            self.session.function(name, function)
+            self._functions[name] = function
+        return new
 
     def _remove_outdated(self) -> None:
         """Removes values that the notebook no longer has; values set by a script stay."""
@@ -224,22 +226,15 @@ class NotebookNames:
             if self._get_session_value(name) is kept:  # else it is the session's own now
                 if self._find_value(name) is value:
                     continue
-                self._remove_name(name)
+                if name in self.session.host.names.values:
+                    self.session.host.names.forget_name(name)
+                else:
+                    self.session.detach(name)
             del self._values[name]
 
     def _get_session_value(self, name: str) -> Any:
         names = self.session.host.names
         return names.attached.get(name, names.values.get(name, MISSING))
-
-    def _remove_name(self, name: str) -> None:
-        if name in self.session.host.names.values:
-            self.session.host.names.forget_name(name)
-        else:
-            self.session.detach(name)
-
-
-def _find_functions_in_cell(tree: ast.Script) -> Iterator[str]:
-    return (node.function for node in ast.walk_syntax(tree) if isinstance(node, ast.Call) and node.owner is None)
 
 
 _display: Any = import_module("IPython.display").display  # it has no types

@@ -181,7 +181,20 @@ def _draw_graph(
     named = len(graph) <= MOST_NAMED and wide <= WIDEST
     if size:
         ax.figure.set_size_inches(max(6.0, min(WIDEST, wide)), max(3.0, min(WIDEST * 0.75, size[1])))
-    _draw_nodes(networkx, graph, places, ax, 160 if named else 40, arrows)
+    data, node_size = [own for _, own in graph.nodes(data=True)], 160 if named else 40
+    networkx.draw_networkx_nodes(
+        graph, places, ax=ax, node_size=node_size,
+        node_color=[ORANGE if own["goal"] else PALE for own in data],
+        edgecolors=[BLUE if own["start"] else FRAME for own in data],
+        linewidths=[RING if own["start"] else 0.7 for own in data],
+    )  # fmt: skip
+    straight = [edge for edge in graph.edges if places[edge[1]][0] - places[edge[0]][0] == 1]  # to the next layer
+    bent = [edge for edge in graph.edges if places[edge[1]][0] - places[edge[0]][0] != 1]  # around nodes between
+    for edges, rad in ((straight, 0.0), (bent, 0.25)):
+        networkx.draw_networkx_edges(
+            graph, places, edgelist=edges, ax=ax, node_size=node_size, edge_color="#888888", arrowsize=9, width=0.9,
+            arrowstyle="-|>" if arrows else "-", connectionstyle=f"arc3,rad={rad}",
+        )  # fmt: skip
     for number, text in texts.items() if named else ():
         ax.annotate(text, places[number], xytext=(0, 9), textcoords="offset points", ha="center", fontsize=8, zorder=3,
                     bbox={"boxstyle": "square,pad=0", "facecolor": "white", "alpha": 0.7, "linewidth": 0})  # fmt: skip
@@ -193,26 +206,6 @@ def _draw_graph(
              "last step": {"color": ORANGE, "edgecolor": FRAME}}  # fmt: skip
     handles = [ax.scatter([], [], s=70, label=name, **mark) for name, mark in marks.items()]
     ax.legend(handles=handles, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
-
-
-def _draw_nodes(
-    networkx: Any, graph: Any, places: Mapping[Any, tuple[int, float]], ax: Any, size: int, arrows: bool
-) -> None:
-    """Draws nodes and edges: straight ones to the next layer, others bent around the nodes between."""
-    hidden = [data for _, data in graph.nodes(data=True)]
-    networkx.draw_networkx_nodes(
-        graph, places, ax=ax, node_size=size,
-        node_color=[ORANGE if data["goal"] else PALE for data in hidden],
-        edgecolors=[BLUE if data["start"] else FRAME for data in hidden],
-        linewidths=[RING if data["start"] else 0.7 for data in hidden],
-    )  # fmt: skip
-    straight = [edge for edge in graph.edges if places[edge[1]][0] - places[edge[0]][0] == 1]
-    bent = [edge for edge in graph.edges if places[edge[1]][0] - places[edge[0]][0] != 1]
-    for edges, rad in ((straight, 0.0), (bent, 0.25)):
-        networkx.draw_networkx_edges(
-            graph, places, edgelist=edges, ax=ax, node_size=size, edge_color="#888888", arrowsize=9, width=0.9,
-            arrowstyle="-|>" if arrows else "-", connectionstyle=f"arc3,rad={rad}",
-        )  # fmt: skip
 
 
 def _fit_graph(result: Result, total: int) -> tuple[Any, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property
@@ -94,14 +94,6 @@ def join_outlined_sql(statements: Iterable[OutlinedStatement]) -> Sql:
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory", "steps"]
 
 
-def name_result_columns(own: Sequence[str]) -> tuple[str, ...]:
-    """The columns of the result of a search; `own` are those of its rows."""
-    names = ["path", "step"]
-    for name in own:
-        names.append(make_unique_name(name, names))
-    return tuple(names)
-
-
 @dataclass(slots=True)
 class QueryResult:
     """What one query of a script gave: rows as the executor left them, what AS makes of them, the engine.
@@ -191,8 +183,12 @@ class Result:
     def columns(self) -> tuple[str, ...]:
         if self.answer is None:
             return ("value",)
-        own = self.answer.rows.columns
-        return own if self.answer.rows.paths is None else name_result_columns(own)
+        if self.answer.rows.paths is None:
+            return self.answer.rows.columns
+        names = ["path", "step"]
+        for name in self.answer.rows.columns:
+            names.append(make_unique_name(name, names))
+        return tuple(names)
 
     @property
     def paths(self) -> list[list[Row]]:

@@ -223,7 +223,12 @@ def write_png(path: Path, pixels: Pixels) -> None:
     rows[1:, 1:] = flat[1:] - flat[:-1]
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     parts = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 9)), (b"IEND", b""))
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(_make_chunk(kind, data) for kind, data in parts))
+    try:
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(_make_chunk(kind, data) for kind, data in parts))
+    except (OSError, ValueError) as reason:  # ValueError: a path with a character that no file has
+        message = f"the picture {str(path)!r} cannot be written: {getattr(reason, 'strerror', None) or reason}"
+        hints = ("name a file in a folder that exists and may be written to",)
+        raise SessionError("S002", message, hints=hints) from reason
 
 
 def _make_chunk(kind: bytes, data: bytes) -> bytes:
@@ -279,7 +284,7 @@ def render(
     smooth = colours.reshape(height, FINER, width, FINER, 3).mean(axis=(1, 3))
     pixels = np.asarray(np.clip(smooth * 255 + 0.5, 0, 255), np.uint8)
     if path is not None:
-        _write_scene_picture(Path(path), pixels)
+        write_png(Path(path), pixels)
     return pixels
 
 
@@ -299,9 +304,8 @@ def _check_picture_of_scene(world: Any, client: Any, highlight: Collection[int] 
     there = {client.getBodyUniqueId(number) for number in range(client.getNumBodies())}
     for body in () if highlight is None else highlight:
         if body not in there:
-            raise SessionError(
-                "S002", f"there is no body {body} to highlight", hints=("give ids of bodies of this scene",)
-            )
+            hints = ("give ids of bodies of this scene",)
+            raise SessionError("S002", f"there is no body {body} to highlight", hints=hints)
 
 
 def _choose_camera_view(world: Any, view: str | View | None, low: Vector, high: Vector) -> View:
@@ -322,11 +326,8 @@ def _make_camera(view: View, size: tuple[int, int], low: Vector, high: Vector) -
     """A camera whose range of depths is that of the scene, which keeps depths exact."""
     ahead = np.subtract(view.target, view.eye)
     if hypot(*np.cross(ahead, view.up)) < 1e-9:
-        raise SessionError(
-            "S002",
-            "a camera cannot look straight along its own up",
-            hints=("give the view another eye, or another up",),
-        )
+        hints = ("give the view another eye, or another up",)
+        raise SessionError("S002", "a camera cannot look straight along its own up", hints=hints)
     ahead = ahead / hypot(*ahead)
     corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
     depths = [float(np.dot(np.subtract(corner, view.eye), ahead)) for corner in corners]
@@ -378,14 +379,3 @@ def _hide_in_picture(client: Any, highlight: set[int]) -> Iterator[None]:
     finally:
         for body, link, part, colour in before:
             client.changeVisualShape(body, link, shapeIndex=part, rgbaColor=colour)
-
-
-def _write_scene_picture(path: Path, pixels: Pixels) -> None:
-    try:
-        write_png(path, pixels)
-    except (OSError, ValueError) as reason:  # ValueError: a path with a character that no file has
-        raise SessionError(
-            "S002",
-            f"the picture {str(path)!r} cannot be written: {getattr(reason, 'strerror', None) or reason}",
-            hints=("name a file in a folder that exists and may be written to",),
-        ) from reason

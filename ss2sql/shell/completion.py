@@ -7,7 +7,7 @@ whole statement, since FROM follows the columns, its inner queries included.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from itertools import pairwise
 from pathlib import Path
@@ -232,7 +232,8 @@ def _complete_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[S
     else:
         yield from _complete_columns(here, symbols)
         yield from _complete_variables(here, symbols)
-    yield from _complete_functions(symbols)
+    for entry in symbols.functions.values():
+        yield Suggestion(f"{entry.name}(", 0, "function", entry.about, entry.call)
     if here.clause != "FROM":
         yield from _complete_tables(symbols)
 
@@ -246,11 +247,6 @@ def _complete_columns(here: CompletionContext, symbols: SymbolTable) -> Iterator
 def _complete_variables(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     yield from (Suggestion(name, 0, "variable", "of this statement") for name in here.assigned)
     yield from (Suggestion(name, 0, "variable", about) for name, about in symbols.variables.items())
-
-
-def _complete_functions(symbols: SymbolTable) -> Iterator[Suggestion]:
-    for entry in symbols.functions.values():
-        yield Suggestion(f"{entry.name}(", 0, "function", entry.about, entry.call)
 
 
 def _complete_tables(symbols: SymbolTable) -> Iterator[Suggestion]:
@@ -284,28 +280,25 @@ def _suggest_for_command(begun: str, symbols: SymbolTable) -> Iterator[Suggestio
     if command is None:
         return
     rest = rest.lstrip()
+    functions = {one: entry.about for one, entry in {**symbols.functions, **symbols.representations}.items()}
+    kind: Kind = "value"
+    texts: Mapping[str, str] = {}
     match command.takes:
         case "setting":
-            entry = SETTINGS[name[1:]]
-            yield from _filter_prefix(rest, (Suggestion(choice, 0, "value") for choice in entry.choices))
+            texts = dict.fromkeys(SETTINGS[name[1:]].choices, "")
         case "file":
             yield from _complete_files(rest.rpartition(" ")[2])
         case "function":
-            every = {**symbols.functions, **symbols.representations}
-            yield from _filter_prefix(rest, (Suggestion(one, 0, "function", every[one].about) for one in every))
+            kind, texts = "function", functions
         case "table":
-            names = dict.fromkeys([*symbols.owners, *(name.partition("(")[0] for name in symbols.tables)])
-            yield from _filter_prefix(rest, (Suggestion(one, 0, "table", symbols.tables.get(one, "")) for one in names))
+            names = [*symbols.owners, *(name.partition("(")[0] for name in symbols.tables)]
+            kind, texts = "table", {one: symbols.tables.get(one, "") for one in names}
         case "variable" if " " not in rest:
-            yield from _filter_prefix(rest, (Suggestion(one, 0, "variable", t) for one, t in symbols.variables.items()))
+            kind, texts = "variable", symbols.variables
         case "help":
-            every = {**symbols.functions, **symbols.representations}
             texts = {**{one: entry.about for one, entry in COMMANDS.items()},
-                     **{word.text: word.about for word in keywords().values()},
-                     **{one: every[one].about for one in every}}  # fmt: skip
-            yield from _filter_prefix(rest, (Suggestion(one, 0, "value", text) for one, text in texts.items()))
-        case _:
-            return
+                     **{word.text: word.about for word in keywords().values()}, **functions}  # fmt: skip
+    yield from _filter_prefix(rest, (Suggestion(one, 0, kind, text) for one, text in texts.items()))
 
 
 def _complete_files(begun: str) -> Iterator[Suggestion]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -91,15 +92,19 @@ def _is_bounded(search: plan.Search) -> bool:
 
 
 def _collect_plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
-    """SQLite's plan, or the reason why it is gone."""
+    """SQLite's plan, or the reason why it is gone: the session is closed, a table is gone."""
     if outlined.lowered is None:
         return (), None
+    explaining = replace(outlined.lowered, text=f"EXPLAIN QUERY PLAN {outlined.lowered.text}")
     try:
-        return describe_sqlite_plan(outlined), None
+        cursor = outlined.host.prepare_database().open_cursor(explaining, Interning(), lambda parameter: 0)
+        with closing(cursor):
+            rows: list[tuple[int, int, int, str]] = list(cursor)
     except apsw.ConnectionClosedError:
         return (), "the session is closed"
     except apsw.Error as error:
         return (), str(error)
+    return tuple(_nest_plan_lines(rows, 0, 0, describe_queue(outlined.query))), None
 
 
 def _collect_parameter_facts(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
@@ -241,18 +246,6 @@ def _collect_levels(result: Result) -> LevelTable | None:
 # --- SQLite's plan of a query in words
 # `EXPLAIN QUERY PLAN` gives a tree of short lines such as `SEARCH edge USING INDEX i (src=?)`. Each kind of line for
 # lowered queries has its sentence here; any other is shown unchanged.
-def describe_sqlite_plan(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
-    """SQLite's plan of a query. Raises apsw.Error where it is unavailable: the session is closed, a table is gone."""
-    assert outlined.lowered is not None
-    explaining = replace(outlined.lowered, text=f"EXPLAIN QUERY PLAN {outlined.lowered.text}")
-    cursor = outlined.host.prepare_database().open_cursor(explaining, Interning(), lambda parameter: 0)
-    try:
-        rows: list[tuple[int, int, int, str]] = list(cursor)
-    finally:
-        cursor.close(True)
-    return tuple(_nest_plan_lines(rows, 0, 0, describe_queue(outlined.query)))
-
-
 def _nest_plan_lines(
     rows: Sequence[tuple[int, int, int, str]], parent: int, depth: int, queue: str, recursive: bool = False
 ) -> Iterator[PlanLine]:

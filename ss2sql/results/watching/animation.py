@@ -275,15 +275,9 @@ def _make_panel(traced: SearchTrace) -> dict[str, Any]:
         "g": [_round_animated(step.g) for step in steps], "h": [_round_animated(step.h) for step in steps],
         "texts": list(texts), "row_text": rows, "state_text": states,
         "leaves": [int(step.event in ("repeated", "stopped")) for step in steps],
-        **_make_map(scene),
+        "pitch": scene.pitch,
+        **{name: [place and place[axis] for place in scene.places] for axis, name in enumerate("xy") if scene.is_map},
     }  # fmt: skip
-
-
-def _make_map(scene: TraceScene) -> dict[str, Any]:
-    if not scene.is_map:
-        return {"pitch": 0}
-    columns = {name: [None if one is None else one[axis] for one in scene.places] for axis, name in enumerate("xy")}
-    return {"pitch": scene.pitch, **columns}
 
 
 def _round_animated(value: Any) -> float | None:

@@ -8,6 +8,7 @@ imported when one of its objects is attached.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import cached_property
 from importlib import import_module
 from typing import Any, TypeAlias
 
@@ -20,18 +21,13 @@ from ss2sql.vtables.contract import has_adapter
 class Column:
     """One column. `type` is that of its values, which `make` converts when they are first read."""
 
-    __slots__ = ("_make", "_values", "type")
-
     def __init__(self, kind: Type, make: Callable[[], list[Any]]) -> None:
         self.type = kind
         self._make = make
-        self._values: list[Any] | None = None
 
-    @property
+    @cached_property
     def values(self) -> list[Any]:
-        if self._values is None:
-            self._values = self._make()
-        return self._values
+        return self._make()
 
 
 class Frame(Typed):

@@ -23,7 +23,7 @@ from ss2sql.vtables.pybullet.bullet_tables import (
     Rays,
 )
 from ss2sql.vtables.pybullet.client import BodyNotes, Calls, NumberedClient, get_client_number
-from ss2sql.vtables.pybullet.collision import CollisionFunctions, CollisionShapes
+from ss2sql.vtables.pybullet.collision import BulletFunctions, CollisionShapes
 from ss2sql.vtables.reading import digest_world
 from ss2sql.vtables.schema import get_world_tables, world_error
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["PyBulletWorld"]
 
 
-class PyBulletWorld(CollisionFunctions):
+class PyBulletWorld(BulletFunctions):
     """A PyBullet simulation. Lengths are in metres, masses in kilograms, angles in radians.
 
     Args:

@@ -338,11 +338,12 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
     return Robot(base[1], parts)
 
 
-class BodyFunctions(BodyWorld):
+class BulletFunctions(BodyWorld):
     """The functions of a PyBullet world. A body is given by its element, its id or its name."""
 
     calls: Any
     sensors: Mapping[int, Any]
+    _shape_cache: ShapeCache | None = None
 
     def list_ids(self) -> list[int]:
         """The ids of all bodies, in their order. PyBullet shuffles them when bodies die."""
@@ -400,42 +401,7 @@ class BodyFunctions(BodyWorld):
                 return True
         return False
 
-
-def are_in_cone(sensor: Any, points: Any) -> Any:
-    """Whether points are within the range and the angle of a sensor."""
-    away = np.asarray(points, dtype=float) - np.asarray(sensor.position, dtype=float)
-    distance = np.linalg.norm(away, axis=1)
-    direction = np.asarray(sensor.direction, dtype=float) / hypot(*sensor.direction)
-    return (distance <= sensor.range) & (away @ direction >= distance * cos(radians(sensor.angle / 2)))
-
-
-def find_first_hits(world: Any, own: int, start: Sequence[float], ends: Any) -> tuple[Any, Any]:
-    """The first body on each ray but the own one, -1 for none, and the part of the ray before it. A ray takes 1 us.
-
-    Where the own body comes first, all hits of the ray are looked at: PyBullet gives them by number, in no order.
-    """
-    targets = np.asarray(ends, dtype=float)
-
-    def cast_rays(rays: Any, **options: int) -> tuple[Any, Any]:
-        found = world.calls.rayTestBatch([start] * len(rays), targets[rays].tolist(), **options)
-        return np.array([hit[0] for hit in found], dtype=int), np.array([hit[2] for hit in found], dtype=float)
-
-    bodies, fractions = cast_rays(np.arange(len(targets)))
-    waiting, number = np.flatnonzero(bodies == own), 0
-    bodies[waiting], fractions[waiting] = -1, 1.0
-    while len(waiting):
-        hit, before = cast_rays(waiting, reportHitNumber=number)
-        first = (hit >= 0) & (hit != own) & (before < fractions[waiting])
-        bodies[waiting[first]], fractions[waiting[first]] = hit[first], before[first]
-        waiting, number = waiting[hit >= 0], number + 1
-    return bodies, fractions
-
-
-# --- collision tests of a robot with everything else, at any pose, without moving anything
-class CollisionFunctions(BodyFunctions):
-    """The functions that test for collisions."""
-
-    _shape_cache: ShapeCache | None = None
+    # --- collision tests of a robot with everything else, at any pose, without moving anything
 
     def measure_gap(self, one: int, other: int) -> float:
         points = self.calls.getClosestPoints(one, other, 1e6)
@@ -493,3 +459,33 @@ class CollisionFunctions(BodyFunctions):
             self._shape_cache = ShapeCache(self.calls)
         self._shape_cache.clear_after_reset()
         return self._shape_cache
+
+
+def are_in_cone(sensor: Any, points: Any) -> Any:
+    """Whether points are within the range and the angle of a sensor."""
+    away = np.asarray(points, dtype=float) - np.asarray(sensor.position, dtype=float)
+    distance = np.linalg.norm(away, axis=1)
+    direction = np.asarray(sensor.direction, dtype=float) / hypot(*sensor.direction)
+    return (distance <= sensor.range) & (away @ direction >= distance * cos(radians(sensor.angle / 2)))
+
+
+def find_first_hits(world: Any, own: int, start: Sequence[float], ends: Any) -> tuple[Any, Any]:
+    """The first body on each ray but the own one, -1 for none, and the part of the ray before it. A ray takes 1 us.
+
+    Where the own body comes first, all hits of the ray are looked at: PyBullet gives them by number, in no order.
+    """
+    targets = np.asarray(ends, dtype=float)
+
+    def cast_rays(rays: Any, **options: int) -> tuple[Any, Any]:
+        found = world.calls.rayTestBatch([start] * len(rays), targets[rays].tolist(), **options)
+        return np.array([hit[0] for hit in found], dtype=int), np.array([hit[2] for hit in found], dtype=float)
+
+    bodies, fractions = cast_rays(np.arange(len(targets)))
+    waiting, number = np.flatnonzero(bodies == own), 0
+    bodies[waiting], fractions[waiting] = -1, 1.0
+    while len(waiting):
+        hit, before = cast_rays(waiting, reportHitNumber=number)
+        first = (hit >= 0) & (hit != own) & (before < fractions[waiting])
+        bodies[waiting[first]], fractions[waiting[first]] = hit[first], before[first]
+        waiting, number = waiting[hit >= 0], number + 1
+    return bodies, fractions
