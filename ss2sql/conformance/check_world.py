@@ -18,6 +18,7 @@ from ss2sql.errors import Error
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import Kind
 from ss2sql.results import cut_text
+from ss2sql.session.session import connect
 from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
 from ss2sql.vtables.contract import CacheOfQuery, Column, Gone, Table, TableFunction, Where, World, find_adapter
 from ss2sql.vtables.reading import Reading, merge_column_demands, unwrap_world_key
@@ -54,8 +55,6 @@ class QueryGenerator:
     """Generates random queries, and runs them."""
 
     def __init__(self, dice: random.Random, copies: Sequence[TableCopy], world: World) -> None:
-        from ss2sql.session.session import connect
-
         self.dice = dice
         self.copies = [copy for copy in copies if copy.plain]
         self.session = connect()

@@ -7,8 +7,9 @@ Representations: environment. scene is what simulations with names are made of.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+from ss2sql.language.area_grid import Grid
 from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.vtables.body_functions import Near, Overlaps, find_named_body
 from ss2sql.vtables.contract import Element, Gone
@@ -24,12 +25,14 @@ from ss2sql.vtables.pybullet.bullet_tables import (
 )
 from ss2sql.vtables.pybullet.client import BodyNotes, Calls, NumberedClient, get_client_number
 from ss2sql.vtables.pybullet.collision import BulletFunctions, CollisionShapes
+from ss2sql.vtables.pybullet.environment import (
+    Environment,
+    make_environment,
+    make_occupancy_grid,
+    make_sensor_grid,
+)
 from ss2sql.vtables.reading import digest_world
 from ss2sql.vtables.schema import get_world_tables, world_error
-
-if TYPE_CHECKING:
-    from ss2sql.language.area_grid import Grid
-    from ss2sql.vtables.pybullet.environment import Environment
 
 __all__ = ["PyBulletWorld"]
 
@@ -157,20 +160,14 @@ class PyBulletWorld(BulletFunctions):
 
         `area` is [[x, y], [x, y]]; without it the grid covers the scene. Lengths are in metres.
         """
-        from ss2sql.vtables.pybullet.environment import make_occupancy_grid
-
         return make_occupancy_grid(self, table, z, cell, area)
 
     @request_hidden_columns("elements")
     def sensorgrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
         """How many of the selected sensors see each cell at the height `z`; with the arguments of occupancygrid."""
-        from ss2sql.vtables.pybullet.environment import make_sensor_grid
-
         return make_sensor_grid(self, table, z, cell, area)
 
     @request_hidden_columns("elements")
     def environment(self, table: Table) -> Environment:
         """A new simulation with only the selected bodies, a scene that can be attached in its turn."""
-        from ss2sql.vtables.pybullet.environment import make_environment
-
         return make_environment(self, table)
