@@ -83,27 +83,10 @@ def test_an_exception_of_the_users_function() -> None:
     assert "ss2sql" not in answer.stderr.replace("\\", "/")
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("query.ss", [2, 3]), ("-", ["größe"]), ("-e '1 + 1'", 2), ("--execute 'x = 2; x * 3;'", 6),
-        ("-e 'v{5} = 1; SELECT name FROM staff WHERE id == 1 AS list;' --database data.db", ["Ada"]),
-        ("-e 'SELECT mass FROM w WHERE mass > 2 AS list;' --world w=scene:bodies", [5]),
-        ("-e 'SELECT this FROM w AS list;' --world w=scene:Space", [7]),
-        ("-e 'SELECT this FROM w AS list;' --world w=factory:plain", [4]),
-        ("-e 'SELECT this FROM w AS list;' --world w=factory.py:plain", [4]),
-        ("-e 'SELECT this FROM w AS list;' --world w=factory:Group.rows", [8]), ("-e 'x = 3; # three' -e 'x + 1'", 4),
-        ("-e '[engine, timeout, maximum, script, value];' -p engine e -p timeout t -p maximum m -p script s "
-         "-p value v", list("etmsv")),
-        *((f"-e 'x;' -p x {shlex.quote(text)}", read) for text, read in (
-            ("3", 3), ("-3.5", -3.5), ("True", True), ("None", None), ("[1, (2, 3)]", [1, [2, 3]]),
-            ("{'a': 1}", {"a": 1}), ("word", "word"), ("'word'", "word"), ("two words", "two words"), ("{[]}", "{[]}"),
-            ("1 + 1", "1 + 1"), ("", ""), ("{2, 1}", [1, 2]))),
-    ],
-)  # fmt: skip
-def test_values(line: str, expected: Any, folder: Path) -> None:
+@each_row("command_line/values", "line", "told")
+def test_values(line: str, told: str, folder: Path) -> None:
     before = (folder / "data.db").read_bytes()
-    assert value(*shlex.split(line), stdin="SELECT 'größe' FROM [1] AS list;") == expected
+    assert value(*shlex.split(line), stdin="SELECT 'größe' FROM [1] AS list;") == ast.literal_eval(told)
     assert (folder / "data.db").read_bytes() == before
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from balls import Balls, BallWorld, Box
+from golden import each_row
 
 import ss2sql
 from ss2sql.vtables import function
@@ -67,30 +68,9 @@ def caught(action: Callable[[], object], kind: type[BaseException] = MishapError
     return list(found.value.__notes__), found.traceback[-1].name
 
 
-# What raises, where the note says that it was called, and the script.
-PLACES = [
-    *(("fail", "fail", script) for script in (
-        "fail(1);", "x = [1, fail(2)];", "SELECT this FROM fail(1);", "SELECT this FROM a = [1], b = fail(a.this);",
-        "SELECT this FROM [1] ORDER BY fail(this);", "SELECT this FROM [1] GROUP BY fail(this);",
-        "SELECT this FROM [1] LIMIT fail(1);", "SELECT (SELECT fail(a.this) FROM [1] AS value) FROM a = [1];",
-        "SELECT this FROM [1] START WITH n = fail(1) CONNECT BY n = n;",
-        "SELECT this FROM [1] START WITH n = 1 CONNECT BY n = fail(n);",
-        "SELECT this FROM [1] START WITH n = 1 CONNECT BY n = n STOP WITH fail(n);",
-        "SELECT fail(this) FROM [1] START WITH n = 1 CONNECT BY UNIQUE n = n;",
-        "SELECT n FROM [1] START WITH n = 0\nCONNECT BY MEMORIZE 9 n = fail(n)\nSTOP WITH n == 3;",
-    )),
-    ("arrays", "arrays", "SELECT\narrays(this) FROM [1, 2];"),
-    ("add", "+", "SELECT this + 1 FROM [1, 2];"),
-    ("weigh", "weigh", "SELECT x\nFROM world WHERE weigh(this) > 1;"),
-    ("pile", "AS pile", "x = 1;\nSELECT x FROM world AS pile;"),
-    ("heap", "AS heap", "x = 1;\nSELECT x FROM world AS heap;"),
-    ("heap", "AS heap", "SELECT (SELECT this FROM [1] AS heap)\nFROM [1];"),
-    ("odd", "AS odd", "SELECT this FROM [1] AS odd;"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "at", "script"), PLACES)
-def test_a_note_names_the_place(failing: ss2sql.Session, engine: Any, name: str, at: str, script: str) -> None:
+@each_row("errors/notes", "script", "told")
+def test_a_note_names_the_place(failing: ss2sql.Session, engine: Any, script: str, told: str) -> None:
+    name, at = told.split(", ")
     asked = "auto" if "MEMORIZE" in script or "(SELECT this" in script else engine
     kind = TypeError if name == "odd" else MishapError
     notes, raised_in = caught(lambda: failing.run(script, engine=asked), kind)

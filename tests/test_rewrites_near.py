@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 from math import dist
 from random import Random
 from typing import Any
 
 import pytest
+from golden import each_row
 from sessions import code_of
 
 import ss2sql
@@ -85,53 +87,15 @@ def ss(space: Space) -> ss2sql.Session:
     return session
 
 
-IN_SPACE = [
-    ("distance(this, [5, 0, 0]) <= 1", [4, 5, 6], 3), ("distance([5, 0, 0], this) < 1", [5], 3),
-    ("1 >= distance(this, p)", [4, 5, 6], 3), ("r > distance(this, p)", [5], 3),
-    ("distance(this, p) <= r + 1", [3, 4, 5, 6, 7], 5), ("distance(this, [5, 0]) <= r", [4, 5, 6], 3),
-    ("space.distance(this, p) <= r", [4, 5, 6], 3), ("distance(pos, p) <= 1", [4, 5, 6], 3),
-    ("distance(p, this.pos) <= 1", [4, 5, 6], 3), ("distance(this, p) <= 0", [5], 1),
-    ("distance(this, p) <= -1", [], 0),
-    ("distance(this, p) <= 1 AND x > 4", [5, 6], 3),  # bounds are passed on inclusively
-    ("size > 0.45 AND distance(this, p) <= 1", [5, 6], 3),
-    ("distance(this, p) <= 1 AND 10 / (x - 1) > 2.4", [4, 5], 3),  # else a division by zero
-    ("distance(this, p) <= size", [5], 20),  # a radius of the element itself
-    ("distance(this, p) >= 14", [19, 20], 20),
-    ("distance(this, p) <= 1 OR x > 19", [4, 5, 6, 20], 20),
-]  # fmt: skip
-JOINED = "SELECT a.id, b.id FROM a = space, b = space WHERE a.id <= 3 AND distance({}) <= 1 AS rows"
-NEAR = "SELECT b.id FROM b = space WHERE distance(b.this, space.this) <= 1 AS list"
-PAIRS = [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3), (3, 4)]
-SPOTS = [2, 3, 4, 17, 18, 19]
-
-
-@pytest.mark.parametrize(
-    ("script", "found", "given"),
-    [
-        *((f"SELECT id FROM space WHERE {where} AS list", found, given) for where, found, given in IN_SPACE),
-        ("SELECT id FROM space, s = spots WHERE distance(pos, s.this) <= 1 AS list", SPOTS, 20),  # known too late
-        ("SELECT id FROM s = spots, space WHERE distance(pos, s.this) <= 1 AS list", SPOTS, 6),
-        ("SELECT id FROM s = spots, space WHERE distance(s.this, space.this) <= 1 AS list", SPOTS, 6),
-        ("SELECT id FROM k = [1, 2], space WHERE distance(space.this, [k.this, 0, 0]) <= k.this - 1 AS list",
-         [1, 1, 2, 3], 4),
-        *((JOINED.format(both), PAIRS, 28) for both in ("a.this, b.this", "b.this, a.this", "a.pos, b.this")),
-        (JOINED.format("a.pos, b.pos"), PAIRS, 28),
-        (f"SELECT id, len({NEAR}) FROM space WHERE id < 3 AS rows", [(1, 2), (2, 3)], 25),
-        # Without a condition there is no box.
-        ("SELECT id FROM space LIMIT 2 AS list", [1, 2], 20),
-        ("SELECT q.k FROM q = (SELECT to(id, k) FROM space), space"
-         " WHERE space.id == q.k AND distance(space.this, 3) < 1.5 AS list", [2, 3, 4], None),
-        # Ends that are known at different times stay apart.
-        ("SELECT id FROM space, s = spots WHERE x >= 17 AND x <= s.this[0] AS list", [17, 18], 4),
-    ],
-)  # fmt: skip
+@each_row("rewrites/near", "script", "told")
 def test_only_what_lies_in_the_box_is_asked_for(
-    ss: ss2sql.Session, space: Space, engine: Any, script: str, found: Any, given: int | None
+    ss: ss2sql.Session, space: Space, engine: Any, script: str, told: str
 ) -> None:
+    found, given = ast.literal_eval(told)
     assert ss.run(script, engine=engine).value == found
     assert given in (None, space.given)
     if script.startswith("SELECT a.id"):
-        assert space.measured == (0 if "b.pos" in script else len(PAIRS))
+        assert space.measured == (0 if "b.pos" in script else len(found))
 
 
 def test_neighbours_in_another_world(ss: ss2sql.Session, space: Space, engine: Any) -> None:

@@ -194,22 +194,10 @@ def test_births_within_a_query_are_not_seen_by_it(ss: ss2sql.Session, box: Box, 
 # --- only the columns that are read, only the elements that are needed ---------------------------------
 
 
-@pytest.mark.parametrize(
-    ("script", "calls"),
-    [
-        ("SELECT id FROM space", {"keys": 1, "given": 5}),
-        ("SELECT x, y, mass FROM space WHERE mass > 50", {"keys": 1, "given": 5, "dynamics": 5, "place": 3}),
-        ("SELECT name FROM space LIMIT 3", {"keys": 1, "given": 5, "label": 3}),
-        ("SELECT id FROM space WHERE mass > 30 LIMIT 1", {"keys": 1, "given": 5, "dynamics": 2}),
-        # a join passes on what the sources before know: themselves, and then their neighbours to the right
-        ("SELECT a.id, b.id FROM a = space, b = space WHERE b.x > a.x AND b.x <= a.x + 1",
-         {"keys": 6, "given": 5 + 9, "place": 5}),
-        ("SELECT a.id FROM a = space, n = space.near(a.x, a.y, a.z)", {"keys": 1, "given": 5, "place": 5, "near": 5}),
-    ],
-)  # fmt: skip
-def test_what_a_query_asks_for(ss: ss2sql.Session, box: Box, engine: Any, script: str, calls: dict[str, int]) -> None:
+@each_row("worlds/asked", "script", "told")
+def test_what_a_query_asks_for(ss: ss2sql.Session, box: Box, engine: Any, script: str, told: str) -> None:
     found = ss.run(f"{script} AS rows;", engine=engine).value
-    assert box.calls == calls
+    assert box.calls == ast.literal_eval(told)
     ss.attach("space", [{**vars(ball), "heavy": ball.mass > 50} for ball in box.balls.values()])
     if "near" not in script:
         assert found == ss.run(f"{script} AS rows;", engine="native").value
