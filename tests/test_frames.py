@@ -345,6 +345,24 @@ def test_names_of_an_index_and_of_several_levels(ss: ss2sql.Session) -> None:
         ss.run("SELECT x FROM t;")
 
 
-def test_columns_of_a_frame_that_is_no_table_are_explained(ss: ss2sql.Session) -> None:
-    with pytest.raises(ss2sql.ResolveError, match=re.escape("attach('log', ...) gives the rows of a data frame")):
-        ss.run("SELECT x FROM log WHERE x > 1;", log=pandas.DataFrame({"x": [1, 2]}))
+def test_columns_of_a_frame_that_a_function_makes_are_explained(ss: ss2sql.Session) -> None:
+    ss.function("load", lambda: pandas.DataFrame({"x": [1, 2]}), volatility="stable")
+    with pytest.raises(ss2sql.ResolveError, match=re.escape("let a function return to_dict('list')")):
+        ss.run("log = load(); SELECT x FROM log WHERE x > 1;")
+
+
+@pytest.mark.parametrize("make", [pandas.DataFrame, polars.DataFrame, pyarrow.table], ids=["pandas", "polars", "arrow"])
+def test_a_frame_or_series_may_be_set_or_given_to_a_run(ss: ss2sql.Session, engine: Any, make: Any) -> None:
+    frame = make({"t": [1.0, None], "x": [3, 4]})
+    script = "SELECT t, x FROM log WHERE x >= least AS rows;"
+    ss.set("log", frame)
+    for names in ({"least": 4}, {"least": 4, "log": frame}):
+        assert ss.run(script, engine=engine, **names).value == [(None, 4)]
+    assert ss.run("max(log['x']);", engine=engine, log=frame).value == 4
+    if make is not pyarrow.table:
+        assert ss.run("SELECT this FROM log WHERE this > 3 AS list;", engine=engine, log=frame["x"]).value == [4]
+
+
+def test_what_has_no_rows_cannot_be_given(ss: ss2sql.Session) -> None:
+    with pytest.raises(ss2sql.SessionError, match=r"collect\(\)"):
+        ss.run("SELECT * FROM log;", log=polars.LazyFrame({"x": [1]}))

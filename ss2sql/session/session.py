@@ -20,7 +20,7 @@ from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.syntax.tokenizer import read_script
 from ss2sql.frontend.user_functions import UserFunction, check_is_string, check_user_function_name, make_user_function
 from ss2sql.language import plan
-from ss2sql.language.values import convert_value, copy_deep, copy_for_python
+from ss2sql.language.values import copy_deep, copy_for_python
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.results.result import Result
 from ss2sql.runtime.run.run_state import (
@@ -46,7 +46,7 @@ from ss2sql.session.compiled_script import (
 from ss2sql.session.host import SessionHost, with_session_lock
 from ss2sql.session.variables import TemporalFile, Trigger, describe_attached_table, list_tables
 from ss2sql.vtables.contract import find_adapter, make_attachable, refuse_without_adapter
-from ss2sql.vtables.frames import find_reader
+from ss2sql.vtables.frames import convert_given_value, find_reader
 
 if TYPE_CHECKING:
     from ss2sql.runtime.graph_cache.graph_store import Graphs
@@ -329,9 +329,12 @@ class Session:
 
     @with_session_lock
     def set(self, name: str, value: Any) -> None:
-        """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
+        """Sets a script variable to a copy of the value: of a data frame the list of its rows, of a Series its values.
+
+        Raises ExecutionError X004 for NaN and its like in other values.
+        """
         self._check_name(name)
-        self.host.names.assign_value(name, copy_deep(convert_value(value, f"the variable '{name}'", named=True)))
+        self.host.names.assign_value(name, copy_deep(convert_given_value(name, value)))
 
     def get(self, name: str) -> Any:
         """The value of a script variable, a copy. Raises KeyError if there is none."""
@@ -456,7 +459,7 @@ class Session:
         def run_query(run: Run) -> Result:
             check_seconds(options.timeout)
             set_session_deadline(run, self.host, self.timeout if options.timeout is None else options.timeout)
-            values = {n: convert_value(value, f"the variable '{n}'", named=True) for n, value in variables.items()}
+            values = {name: convert_given_value(name, value) for name, value in variables.items()}
             query = find(run, values)
             query.check_variables(values)
             self._check_open()

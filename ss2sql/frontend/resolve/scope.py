@@ -546,7 +546,9 @@ def explain_unknown_name(
         hints = suggest_names(name, known)
         hints += tuple(one.hides for one in sources if isinstance(one, plan.ValueSource) and one.hides)
         objects = [source.name for source in sources if _is_object_variable(source)]
-        hints += tuple(f"'{one}' is one object: attach('{one}', ...) gives the rows of a data frame" for one in objects)
+        hints += tuple(
+            f"'{one}' is one object; of a data frame let a function return to_dict('list')" for one in objects
+        )
         if operand and not objects and not suggest_similar(name, known):
             hints += (f"a text stands in quotes: '{name}'",)
         if not objects and (operand or not hints):

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 from ss2sql.errors import ExecutionError, SessionError, require_package
 from ss2sql.language.kinds import Kind, Opaque, Type, Typed
-from ss2sql.language.values import format_value
+from ss2sql.language.values import convert_value, format_value
 from ss2sql.vtables.contract import has_adapter
 
 
@@ -122,6 +122,23 @@ def find_reader(source: Any, name: str) -> Reader | None:
         # Some objects give Arrow data only once, so they are read here and now.
         return make(import_module("pyarrow").RecordBatchReader.from_stream(source).read_all(), name)
     return None
+
+
+_SERIES = {("polars", "Series"), ("pandas", "Series")}
+
+
+def convert_given_value(name: str, value: Any) -> Any:
+    """What a variable is given, as a value of the language: a data frame as its columns, a Series as its values.
+
+    Raises SessionError S002 as `find_reader` does, ExecutionError X004 and X005 for what has no value.
+    """
+    if type(value) not in PLAIN_TYPES:
+        series = (type(value).__module__.partition(".")[0], type(value).__name__) in _SERIES
+        reader = find_reader(value.to_frame() if series else value, name)
+        if reader is not None:
+            frame = reader()
+            value = next(iter(frame.columns.values())).values if series else frame.make_value()
+    return convert_value(value, f"the variable '{name}'", named=True)
 
 
 def _load_reader(file: str, function: str, source: Any) -> Callable[[Any, str], Reader | None]:
