@@ -18,6 +18,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from types import FunctionType
 from typing import Any
 
@@ -38,7 +39,7 @@ from ss2sql.frontend.volatility.function_names import (
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, INT_MAX, INT_MIN, Kind, Type, type_of, unite
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, format_type, list_parts, rebuild_node, walk
+from ss2sql.language.plan_traversal import can_fail, format_type, rebuild_node, walk
 
 MOST_NODES = 200
 MOST_HELPERS = 4  # functions inside functions
@@ -369,7 +370,8 @@ class _BodyResolver(Resolver):
         expr = self.record_errors(self.resolve_expr, body.tree, Scope(None, 0, columns=args))
         if self.errors:
             raise NotInlinable(self.errors[0].message)
-        _check_inlined_size(expr)
+        if next(islice(walk(expr), MOST_INLINED_NODES, None), None) is not None:
+            raise NotInlinable("it would become too long an expression")
         _check_uses(self.call.arguments, expr)
         return replace(expr, span=self.call.span) if isinstance(expr, plan.Constant) else expr
 
@@ -453,19 +455,6 @@ def _has_inlined_comparison(name: str, arguments: tuple[plan.Expr, ...], types: 
 
 
 # --- how often arguments are evaluated -----------------------------------------------------------------
-
-
-def _check_inlined_size(expr: plan.Expr) -> None:
-    """Raises NotInlinable for an expression that is too long as text; in memory its parts are shared."""
-    sizes: dict[int, int] = {}
-
-    def measure_size(node: Any) -> int:
-        if id(node) not in sizes:
-            sizes[id(node)] = 1 + sum(map(measure_size, list_parts(node)))
-        return sizes[id(node)]
-
-    if measure_size(expr) > MOST_INLINED_NODES:
-        raise NotInlinable("it would become too long an expression")
 
 
 def _check_uses(arguments: tuple[plan.Expr, ...], expr: plan.Expr) -> None:
