@@ -23,6 +23,7 @@ from ss2sql.errors.exceptions import Timeout as Timeout
 from ss2sql.errors.exceptions import UnsupportedError as UnsupportedError
 from ss2sql.errors.exceptions import WorkersWarning as WorkersWarning
 from ss2sql.errors.exceptions import combine_errors as combine_errors
+from ss2sql.errors.exceptions import join_words as join_words
 from ss2sql.errors.exceptions import note_on_exception as note_on_exception
 from ss2sql.errors.exceptions import note_place_on_exception as note_place_on_exception
 from ss2sql.errors.exceptions import render_all as render_all

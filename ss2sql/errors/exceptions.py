@@ -417,6 +417,12 @@ def suggest_names(name: str, known: Iterable[str]) -> tuple[str, ...]:
     return ()
 
 
+def join_words(words: Iterable[str], last: str = "or") -> str:
+    """`a`, `a or b`, `a, b or c`."""
+    *first, end = words
+    return f"{', '.join(first)} {last} {end}" if first else end
+
+
 def _spell_hint_code_points(name: str) -> str:
     """A name with the code points of its characters beyond ASCII, for names that look the same."""
     return ", ".join(f"U+{ord(char):04X}" if not char.isascii() else char for char in name)

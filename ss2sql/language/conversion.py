@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from array import array
 from collections import deque
@@ -179,10 +178,6 @@ _SEQUENCES: tuple[type[Iterable[Any]], ...] = (
     type({}.values()),
     type({}.items()),
 )
-
-# Finds in marshal's bytes a tuple, an integer of more than 32 bits, and a float whose exponent is that of NaN and
-# the infinities. It also finds some other numbers and text, by chance: that costs time only.
-_find_suspect_bytes = re.compile(rb"[l(]|g.{6}[\xf0-\xff][\x7f\xff]", re.DOTALL).search
 
 _MAPPINGS = (dict, MappingProxyType)
 _CONTAINERS: tuple[type, ...] = (*_SEQUENCES, *_MAPPINGS, set, frozenset)

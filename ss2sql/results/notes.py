@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, time
 from typing import Any, NamedTuple
 
+from ss2sql.errors import join_words
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS
 from ss2sql.language import plan
 from ss2sql.language.kinds import NOTHING, Kind
@@ -118,11 +119,13 @@ def explain_empty_result(
     yield from _note_closed_start(query, get_variable)
     if rows.ended and search.maximum is not None and query.having is not None:
         most, having = write_in_script(search.maximum), write_in_script(query.having)
-        cure = _note_larger_bound("MAXIMUM")
-        yield f"MAXIMUM {most} ended the search, and HAVING {having} dropped what it had found; {cure}"
+        yield (
+            f"MAXIMUM {most} ended the search, and HAVING {having} dropped what it had found; "
+            "a larger bound in MAXIMUM lets it go on"
+        )
     if search.bound is not None and _is_graph_bounded(query, stats):
-        cure = _note_larger_bound("MEMORIZE")
-        yield f"MEMORIZE {write_in_script(search.bound)} ended paths before any reached its goal; {cure}"
+        most = write_in_script(search.bound)
+        yield f"MEMORIZE {most} ended paths before any reached its goal; a larger bound in MEMORIZE lets it go on"
         return
     grown = {(query.id, name) for name in find_growing_states(query)}
     bounds = [("STOP WITH {}", stop) for stop in split_stop_conditions(query)]
@@ -455,10 +458,6 @@ def _join_keys(keys: Sequence[plan.Expr]) -> str:
     return f"({written})" if len(keys) > 1 else written
 
 
-def _note_larger_bound(word: str) -> str:
-    return f"a larger bound in {word} lets it go on"
-
-
 def _is_graph_bounded(query: plan.Query, stats: Stats) -> bool:
     """Whether the graph of MEMORIZE could have grown further."""
     inner = [node for node in walk(query) if isinstance(node, plan.Query) and node.search is not None]
@@ -478,8 +477,8 @@ def _note_undetermined_states(query: plan.Query, dropped: bool) -> Iterator[str]
     # Columns of an element often follow from each other, as a name and its key; then hardly a step is dropped.
     if not (read if dropped else any(isinstance(expr, plan.State) for expr in read)):
         return
-    word, names = search.repeats.upper(), _join_note_words(list(dict.fromkeys(map(write_in_script, read))))
-    clauses = _join_note_words(list(dict.fromkeys(clause for several in read.values() for clause in several)))
+    word, names = search.repeats.upper(), join_words(dict.fromkeys(map(write_in_script, read)), "and")
+    clauses = join_words(dict.fromkeys(clause for several in read.values() for clause in several), "and")
     verb = "read" if " and " in clauses else "reads"
     lengths = all(isinstance(expr, plan.State) and expr.name in counted for expr in read)
     bounded = search.repeats == "memorize" and lengths
@@ -499,10 +498,6 @@ def _is_step_count(expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset
         return False
     fewest = search.repeats == "unique" and search.order == "breadth first" and "WHERE" not in clauses
     return search.repeats == "no cycle" or fewest
-
-
-def _join_note_words(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def note_unread_arguments(arguments: Iterable[str], statements: Sequence[plan.Statement]) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container
 from functools import cached_property
 from typing import Any
 
@@ -216,9 +216,3 @@ def spell(token: Token) -> str:
     if token.kind in tokenizer.RESERVED or token.kind in tokenizer.CONTEXTUAL or token.keyword:
         return token.text.upper()
     return tokenizer.shorten_text(token.text) if token.kind == "STRING" else f"'{tokenizer.shorten_text(token.text)}'"
-
-
-def join_expected_words(words: Iterable[str]) -> str:
-    """`a`, `a or b`, `a, b or c`."""
-    *first, last = words
-    return f"{', '.join(first)} or {last}" if first else last

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from difflib import get_close_matches
 
-from ss2sql.errors import ParseError, Span
+from ss2sql.errors import ParseError, Span, join_words
 from ss2sql.frontend.syntax import foreign_spellings, tokenizer
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_expected_words, spell
+from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, spell
 from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, Token
 from ss2sql.frontend.syntax.tree_builder import CHAIN_HINT, COMPARISONS, ORDER
 
@@ -92,7 +92,7 @@ def _explain_misspelling(t: ParseFailure) -> ParseError | None:
         places.append((t.peek(), t.step_back().expected & {"SELECT", *OPTIONS}))
     for token, fitting in places:
         if close := _find_similar_keywords(token.text.upper(), fitting):
-            hint = f"did you mean {join_expected_words(close)}?"
+            hint = f"did you mean {join_words(close)}?"
             return t.explain("P001", f"'{tokenizer.shorten_text(token.text)}' is not a keyword", hint, at=token)
     return None
 
@@ -248,7 +248,7 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
                        "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
     if word in ("WITH", "BY"):
         firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
-        return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_expected_words(firsts)}")
+        return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_words(firsts)}")
     if word in CLAUSES and word != "SELECT":
         whole = f"{word} {PAIRS[word]}" if word in PAIRS else word
         return t.explain(
@@ -280,9 +280,7 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
         fitting.append("a clause")
     if ";" in t.expected:
         fitting.append("';'")
-    message = (
-        f"expected {join_expected_words(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
-    )
+    message = f"expected {join_words(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
     if t.clause == "FROM":
         return t.explain(_choose_error_code(t), message, _hint_at_source(t))
     if t.found.kind == "IF":

@@ -256,7 +256,6 @@ _ESCAPE = re.compile(
     r"|x(?P<x>[0-9a-fA-F]{2})|u(?P<u>[0-9a-fA-F]{4})|U(?P<U>[0-9a-fA-F]{8})|N\{(?P<name>[^}]*)\}|(?P<bad>[xuUN]))"
 )
 _PLAIN = {"\\": "\\", "'": "'", '"': '"', "a": "\a", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "v": "\v"}
-_FORMS = {"x": "\\x41", "u": "\\u0041", "U": "\\U00000041", "N": "\\N{LATIN CAPITAL LETTER A}"}
 
 
 def unescape_string(source: Source, token: Token) -> str:
@@ -269,23 +268,17 @@ def unescape_string(source: Source, token: Token) -> str:
 
     def decode_escape(match: re.Match[str]) -> str:
         kind, text = match.lastgroup, match[match.lastgroup or 0]
-        span = Span(source, token.start + match.start(), token.start + match.end())
         if kind == "line":
             return ""
         if kind == "plain":
             return _PLAIN[text]
-        if kind == "bad":
-            hints = [f"it is written {_FORMS[text]}", "a backslash itself is written \\\\"]
-            raise ParseError("P003", f"this escape is not complete: \\{text}", span, hints)
-        if kind == "name":
-            try:
-                return unicodedata.lookup(text)
-            except KeyError:
-                hint = "the names are Unicode's, as unicodedata.name('é') gives them in Python"
-                raise ParseError("P003", f"there is no character named '{shorten_text(text)}'", span, [hint]) from None
-        code = int(text, 8 if kind == "octal" else 16)
-        if code > 0x10FFFF or 0xD800 <= code <= 0xDFFF:
-            raise ParseError("P003", f"{match[0]} is not a character", span, ["characters go up to \\U0010ffff"])
-        return chr(code)
+        try:
+            found = unicodedata.lookup(text) if kind == "name" else chr(int(text, 8 if kind == "octal" else 16))
+            found.encode()
+        except (KeyError, ValueError):  # not complete, no such name, beyond Unicode, or half of a character
+            span = Span(source, token.start + match.start(), token.start + match.end())
+            hints = ["\\x41, \\u0041 and \\N{LATIN CAPITAL LETTER A} are the letter A", "a backslash is written \\\\"]
+            raise ParseError("P003", f"{shorten_text(match[0])} is not a character", span, hints) from None
+        return found
 
     return _ESCAPE.sub(decode_escape, token.text)[1:-1]
