@@ -269,23 +269,19 @@ class TimeComparison(NamedTuple):
     column: str
 
 
-def find_time_comparisons(query: plan.Query) -> tuple[TimeComparison, ...]:
+def find_time_comparisons(query: plan.Query) -> Iterator[TimeComparison]:
     """The comparisons that may be of a time in another spelling than that of the column."""
     nodes = list(walk(query))
     sources = {node.id: node for node in nodes if isinstance(node, (plan.ValueSource, plan.QuerySource))}
-    found = []
     for node in nodes:
-        if not isinstance(node, plan.Call) or not node.function.builtin or node.function.name not in _TIME_TESTS:
-            continue
-        name, (left, right) = node.function.name, node.arguments
-        for function, column, text in ((name, left, right), (MIRRORED.get(name, name), right, left)):
-            origin = _find_frame_column(column, sources)
-            if origin is not None and isinstance(text, (plan.Constant, plan.Variable, plan.MakeList)):
-                found.append(TimeComparison(function, text, write_in_script(column), *origin))
-    return tuple(found)
-
-
-_TIME_TESTS = {*_EQUALITIES, *MIRRORED}
+        match node:
+            case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if (
+                name in _EQUALITIES or name in MIRRORED
+            ):
+                for function, column, text in ((name, left, right), (MIRRORED.get(name, name), right, left)):
+                    origin = _find_frame_column(column, sources)
+                    if origin is not None:
+                        yield TimeComparison(function, text, write_in_script(column), *origin)
 
 
 def _find_frame_column(
@@ -324,15 +320,15 @@ def explain_times(comparisons: Sequence[TimeComparison], get_source: Callable[[s
 
 def _read_texts(expr: plan.Expr, get_source: Callable[[str], Any]) -> list[str]:
     """The texts that are known of the other side, or of the list that it is."""
-    match expr:
-        case plan.Constant(value=value):
-            pass
-        case plan.Variable(name=name):
-            value = get_source(name)
-        case plan.MakeList(items=items):
-            return [text for item in items for text in _read_texts(item, get_source)]
-        case _:
-            return []
+    if isinstance(expr, plan.MakeList):
+        return [text for item in expr.items for text in _read_texts(item, get_source)]
+    value = (
+        get_source(expr.name)
+        if isinstance(expr, plan.Variable)
+        else expr.value
+        if isinstance(expr, plan.Constant)
+        else None
+    )
     return [text for text in (value if isinstance(value, list) else [value]) if isinstance(text, str)]
 
 

@@ -274,7 +274,7 @@ class CompiledQuery:
     @cached_property
     def time_comparisons(self) -> tuple[TimeComparison, ...]:
         """What may be compared with a time of a data frame in another spelling."""
-        return find_time_comparisons(self.written)
+        return tuple(find_time_comparisons(self.written))
 
     def compute_value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
