@@ -79,16 +79,12 @@ _FUNCTIONS: tuple[tuple[Callable[..., Any], str, int, int], ...] = (
 )
 
 
-class NotTranslatable(Exception):  # noqa: N818 - it is a finding, not an error
-    """The function is no expression of the language; the reason has the function as its subject."""
-
-
 def translate_function_body(function: Callable[..., Any]) -> FunctionBody | str:
     """The function's body, or the reason why it cannot become part of a query. Nothing is called."""
     try:
         reader = _Translator(function, ())
         tree = reader.translate_body({name: syntax.Name(name, span=NOWHERE) for name in reader.names})
-    except (NotTranslatable, Unproven) as refused:
+    except Unproven as refused:
         return str(refused)
     except RecursionError:
         return "is nested too deeply to be followed"
@@ -112,7 +108,7 @@ def _fold_returns(statements: Sequence[ast.stmt], left: list[int]) -> ast.expr:
     """Statements that only choose what to return; `left` counts how many more may be read."""
     left[0] -= 1
     if left[0] < 0:
-        raise NotTranslatable("is too long")
+        raise Unproven("is too long")
     match statements:
         case []:
             return ast.Constant(None)
@@ -123,7 +119,7 @@ def _fold_returns(statements: Sequence[ast.stmt], left: list[int]) -> ast.expr:
         case [ast.Pass(), *rest]:
             return _fold_returns(rest, left)
         case _:
-            raise NotTranslatable("is more than one expression")
+            raise Unproven("is more than one expression")
 
 
 def _make_literal(value: Any) -> syntax.Literal:
@@ -132,7 +128,7 @@ def _make_literal(value: Any) -> syntax.Literal:
     fits |= type(value) is int and INT_MIN <= value <= INT_MAX
     fits |= type(value) is float and math.isfinite(value)
     if not fits or type_of(value).may_be(Kind.OBJECT):
-        raise NotTranslatable(f"uses a {type(value).__name__}, which the language does not have as a constant")
+        raise Unproven(f"uses a {type(value).__name__}, which the language does not have as a constant")
     return syntax.Literal(value, span=NOWHERE)
 
 
@@ -141,15 +137,15 @@ class _Translator:
 
     def __init__(self, function: Any, around: tuple[FunctionType, ...]) -> None:
         if type(function) is not FunctionType:
-            raise NotTranslatable("is not a function written in Python")
+            raise Unproven("is not a function written in Python")
         if function in around or len(around) > MOST_HELPERS:
-            raise NotTranslatable("calls functions inside functions too deeply")
+            raise Unproven("calls functions inside functions too deeply")
         located = locate_function(function)
         if located is None:
-            raise NotTranslatable("has no source that can be read")
+            raise Unproven("has no source that can be read")
         arguments = located.node.args
         if arguments.vararg or arguments.kwarg:
-            raise NotTranslatable("takes any number of arguments")
+            raise Unproven("takes any number of arguments")
         self.around = (*around, function)
         self.positional = tuple(parameter.arg for parameter in (*arguments.posonlyargs, *arguments.args))
         values = dict(zip(reversed(self.positional), reversed(function.__defaults__ or ()), strict=False))
@@ -172,7 +168,7 @@ class _Translator:
         """The translated expression; as the function's `result` a tuple becomes a list."""
         self.size += 1
         if self.size > MOST_NODES:
-            raise NotTranslatable("is too long")
+            raise Unproven("is too long")
         match node:
             case ast.Constant(value=value):
                 return _make_literal(value)
@@ -203,7 +199,7 @@ class _Translator:
             case ast.Call():
                 return self._translate_call(node, result, test)
             case _:
-                raise NotTranslatable(f"uses '{ast.unparse(node)[:40]}', which the language does not have")
+                raise Unproven(f"uses '{ast.unparse(node)[:40]}', which the language does not have")
 
     def _make_call(self, name: str, *arguments: ast.expr) -> syntax.Expr:
         return self._make_builtin(name, *map(self.translate, arguments))
@@ -228,14 +224,14 @@ class _Translator:
             return self.arguments[ast.unparse(node)]
         value = self.frame.find_object(node)
         if value is UNKNOWN:
-            raise NotTranslatable(f"reads '{ast.unparse(node)[:40]}'")
+            raise Unproven(f"reads '{ast.unparse(node)[:40]}'")
         return _make_literal(value)
 
     def _is_local(self, node: ast.expr) -> bool:
         if not isinstance(node, ast.Name) or not self.frame.is_local(node.id):
             return False
         if node.id not in self.arguments:
-            raise NotTranslatable("is more than one expression")
+            raise Unproven("is more than one expression")
         return True
 
     def _translate_comparison(self, node: ast.Compare) -> syntax.Expr:
@@ -249,7 +245,7 @@ class _Translator:
     def _translate_link(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> syntax.Expr:
         if isinstance(op, ast.Is | ast.IsNot):
             if not any(isinstance(side, ast.Constant) and side.value is None for side in (left, right)):
-                raise NotTranslatable(f"compares identities in '{ast.unparse(right)[:40]}'")
+                raise Unproven(f"compares identities in '{ast.unparse(right)[:40]}'")
             return self._make_call("eq" if isinstance(op, ast.Is) else "ne", left, right)
         if isinstance(op, ast.In | ast.NotIn):
             return self._make_builtin(_COMPARISONS[type(op)], self.translate(left), self._translate_sequence(right))
@@ -272,7 +268,7 @@ class _Translator:
         if not isinstance(index, ast.Slice):
             return self._make_builtin("item", self._translate_sequence(value, result), self.translate(index))
         if index.step is not None:
-            raise NotTranslatable("uses a slice with a step, which the language does not have")
+            raise Unproven("uses a slice with a step, which the language does not have")
         bounds = (ast.Constant(None) if bound is None else bound for bound in (index.lower, index.upper))
         return self._make_call("slice", value, *bounds)
 
@@ -282,13 +278,13 @@ class _Translator:
         if type(target) is FunctionType:
             return self._translate_helper(node, target, text, result, test)
         if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
-            raise NotTranslatable(f"calls {text} with arguments by name or in a list")
+            raise Unproven(f"calls {text} with arguments by name or in a list")
         for function, name, least, most in _FUNCTIONS:
             if target is function and least <= len(node.args) <= most:
                 return self._make_call(name, *node.args)
         if target is builtins.bool and len(node.args) == 1:
             return syntax.Not(syntax.Not(self.translate(node.args[0], test=True), span=NOWHERE), span=NOWHERE)
-        raise NotTranslatable(f"calls {text}, which the language does not have")
+        raise Unproven(f"calls {text}, which the language does not have")
 
     def _translate_helper(
         self, node: ast.Call, target: FunctionType, text: str, result: bool, test: bool
@@ -296,20 +292,20 @@ class _Translator:
         """What another Python function computes of the arguments of a call."""
         named = {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg is not None}
         if len(named) < len(node.keywords) or any(isinstance(one, ast.Starred) for one in node.args):
-            raise NotTranslatable(f"calls {text} with arguments that cannot be told apart")
+            raise Unproven(f"calls {text} with arguments that cannot be told apart")
         try:
             given = inspect.signature(target, follow_wrapped=False).bind(*node.args, **named).arguments
         except TypeError:
-            raise NotTranslatable(f"calls {text} with the wrong arguments") from None
+            raise Unproven(f"calls {text} with the wrong arguments") from None
         # Arguments are evaluated in written order; a body that is inlined cannot fail, so their order is free.
         arguments = {name: self.translate(value) for name, value in given.items()}
         try:
             helper = _Translator(target, self.around)
             tree = helper.translate_body({**helper.defaults, **arguments}, test)
-        except (NotTranslatable, Unproven) as refused:
-            raise NotTranslatable(f"calls {text}, which {refused}") from None
+        except Unproven as refused:
+            raise Unproven(f"calls {text}, which {refused}") from None
         if helper.gives_tuple and not result:
-            raise NotTranslatable(f"calls {text}, which gives a tuple")
+            raise Unproven(f"calls {text}, which gives a tuple")
         self.gives_tuple |= helper.gives_tuple
         self.uses |= helper.uses
         self.size += helper.size

@@ -165,7 +165,7 @@ CLASSES = (str, int, float, bool, list, tuple, dict, set, frozenset, itertools.c
 
 
 class Unproven(Exception):  # noqa: N818 - it is a finding, not an error
-    """A function is not proven immutable; the reason has the function as its subject."""
+    """A function is not proven immutable, or not translated; the reason has the function as its subject."""
 
 
 @dataclass(slots=True)
