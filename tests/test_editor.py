@@ -19,9 +19,8 @@ from ss2sql.editor.keywords import CONSTANTS, TEXTS, keywords, list_words
 from ss2sql.editor.lexer import SelectScriptLexer
 from ss2sql.errors import ParseError, Source
 from ss2sql.frontend.syntax import ast, tokenizer
-from ss2sql.frontend.syntax.parse_failure import PAIRS
 from ss2sql.frontend.syntax.parser import GRAMMAR, load_parse_table, run_automaton
-from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, RESERVED, Token
+from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, PAIRS, RESERVED, Token
 from ss2sql.frontend.syntax.tree_builder import Builder
 
 ROOT = Path(__file__).parent.parent

@@ -16,9 +16,9 @@ from ss2sql.errors import ParseError, Source
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.search_clauses import ORDERS, REPEATS
 from ss2sql.frontend.syntax import ast, tokenizer
-from ss2sql.frontend.syntax.parse_failure import ALONE, CLAUSES, PAIRS, VALUES
+from ss2sql.frontend.syntax.parse_failure import ALONE, CLAUSES
 from ss2sql.frontend.syntax.parser import find_resume_point, load_parse_table, run_automaton
-from ss2sql.frontend.syntax.tokenizer import END, OPTIONS, RESERVED, Token
+from ss2sql.frontend.syntax.tokenizer import END, OPTIONS, PAIRS, RESERVED, VALUES, Token
 from ss2sql.frontend.syntax.tree_builder import Builder
 
 Sort: TypeAlias = Literal["clause", "option", "operator", "constant", "other"]

@@ -6,8 +6,9 @@ import re
 from collections.abc import Callable
 
 from ss2sql.errors import ParseError
-from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, VALUES, ParseFailure, spell
-from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, END, OPENING, OPTIONS, Token, shorten_query, shorten_text
+from ss2sql.frontend.syntax import tokenizer
+from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, ParseFailure, spell
+from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, END, OPENING, OPTIONS, VALUES, Token
 from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
 
 
@@ -181,7 +182,7 @@ def _explain_cast(t: ParseFailure) -> ParseError | None:
         cure = f"write {value.strip().lower()}({kind}({t.read_next_side()}))"
         return t.explain("P006", "FROM stands in a query alone", cure)
     if t.found.kind == "," and value.split()[:1] == ["DISTINCT"]:
-        columns = f"[{value.strip()[8:].strip()}, {shorten_text(t.read_until(t.index + 1))}]"
+        columns = f"[{value.strip()[8:].strip()}, {tokenizer.shorten_text(t.read_until(t.index + 1))}]"
         return t.explain("P006", "DISTINCT counts one value of a row", f"write count(DISTINCT {columns})")
     if t.found.kind != "AS":
         return None
@@ -199,7 +200,7 @@ def _explain_set_operation(t: ParseFailure) -> ParseError | None:
     # Rows of dicts are equal by their names, too, and those of `*` are not seen here.
     named = "*" not in columns[0] and all(one == columns[0] for one in columns)
     form = "dict" if named else "rows" if any({"*"} & set(one) or "," in "".join(one) for one in columns) else "list"
-    parts = [shorten_query(" ".join(text.split())) for text in texts]
+    parts = [tokenizer.shorten_query(" ".join(text.split())) for text in texts]
     shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
     form = next((shape[1] for shape in shapes if shape), f" AS {form}")
     lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
@@ -262,7 +263,7 @@ def _explain_each(t: ParseFailure) -> ParseError | None:
     """`START WITH EACH town = list`."""
     if t.found.kind != "=" or t.expected != {"IN"}:
         return None
-    values = shorten_text(t.read_until(t.index + 1, ("CONNECT", ";")))
+    values = tokenizer.shorten_text(t.read_until(t.index + 1, ("CONNECT", ";")))
     return t.explain("P006", "EACH goes through a list", f"write EACH {t.peek().text} IN {values}")
 
 
@@ -277,7 +278,7 @@ def _explain_unpacking(t: ParseFailure) -> ParseError | None:
     if t.tokens[index].kind != "=":
         return None
     parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
-    value = shorten_text(t.read_until(index + 1))
+    value = tokenizer.shorten_text(t.read_until(index + 1))
     return t.explain("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
 
 

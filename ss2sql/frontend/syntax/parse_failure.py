@@ -10,16 +10,10 @@ from ss2sql.errors import ParseError, Source, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import tokenizer
 from ss2sql.frontend.syntax.parser import Table
-from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, PAIRS, VALUES, Token
 
-PAIRS = {
-    "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",
-    "BREADTH": "FIRST", "NO": "CYCLE", "LEFT": "JOIN", "CASE": "WHEN", "SIBLINGS": "BY",
-}  # fmt: skip
 ALONE = frozenset(("BY", "JOIN", "WHEN"))  # second words that also stand without the first
 CLAUSES = ("SELECT", "FROM", "WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVING", "ORDER", "LIMIT", "AS")
-VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
-
 
 # What stands around the sides of a comparison.
 AROUND = frozenset((

@@ -11,8 +11,8 @@ from difflib import get_close_matches
 
 from ss2sql.errors import ParseError, Span, join_words
 from ss2sql.frontend.syntax import foreign_spellings, tokenizer
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, spell
-from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.parse_failure import CLAUSES, ParseFailure, spell
+from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, PAIRS, VALUES, Token
 from ss2sql.frontend.syntax.tree_builder import CHAIN_HINT, COMPARISONS, ORDER
 
 # What a clause or a bracket expects, with an example.

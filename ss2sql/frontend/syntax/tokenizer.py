@@ -24,6 +24,11 @@ CONTEXTUAL = frozenset((
     "IS", "NULL", "BETWEEN", "LIKE", "CASE", "WHEN", "THEN", "ELSE", "END", "DISTINCT", "LEFT", "JOIN", "ON", "OFFSET",
     "LAST", "PRIOR", "EACH", "SIBLINGS",
 ))  # fmt: skip
+# The keywords of two words.
+PAIRS = {
+    "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",
+    "BREADTH": "FIRST", "NO": "CYCLE", "LEFT": "JOIN", "CASE": "WHEN", "SIBLINGS": "BY",
+}  # fmt: skip
 OPENING = {"(": ")", "[": "]", "{": "}"}
 CLOSING = {")": "(", "]": "[", "}": "{"}
 
@@ -144,15 +149,13 @@ def iterate_tokens(text: str, start: int = 0) -> Iterator[Token]:
 
 
 # Words that could be names, and what has to follow for them to be keywords.
-_OPERANDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
-_BEGINS = _OPERANDS | {"SELECT", "NOT", "IF"}
+VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
+_BEGINS = VALUES | {"SELECT", "NOT", "IF"}
 _FOLLOWED = {
-    "CASE": frozenset(("WHEN",)), "DISTINCT": _BEGINS | {"(", "[", "-", "*"}, "PRIOR": _OPERANDS,
+    "CASE": frozenset(("WHEN",)), "DISTINCT": _BEGINS | {"(", "[", "-", "*"}, "PRIOR": VALUES,
     "LAST": _BEGINS | {"[", "-", "*"},
 }  # fmt: skip
-_FIRST = frozenset(("START", "CONNECT", "STOP", "GROUP", "ORDER"))
 OPTIONS = frozenset(("DEPTH", "BREADTH", "NO", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE"))
-_SECOND = {"DEPTH": "FIRST", "BREADTH": "FIRST", "NO": "CYCLE"}
 _NUMBERED = frozenset(("MAXIMUM", "MEMORIZE"))
 _VALUED = frozenset(("COST", "HEURISTIC", "PROBABILITY"))
 _BEHIND_NAMES = frozenset(("AND", "OR", "XOR", "NOT", ",", ")", "]", ";"))
@@ -181,13 +184,13 @@ def _is_name(word: str, token: Token, after: Token, following: Token) -> bool:
         return True
     if kind == "-" and word not in _NUMBERED:
         return not (token.end < after.start and after.end == following.start)
-    return word in _SECOND and after.keyword != _SECOND[word] and kind not in _OPERANDS and kind != END
+    return word in PAIRS and after.keyword != PAIRS[word] and kind not in VALUES and kind != END
 
 
 def _begins_clause(token: Token, after: Token) -> bool:
     """Whether a word is the first of a clause, and no name."""
     alone = token.keyword in ("WHERE", "HAVING", "LIMIT", "ASC", "DESC")
-    return alone or (token.keyword in _FIRST and after.keyword in ("WITH", "BY", "SIBLINGS"))
+    return alone or (token.keyword in PAIRS and after.keyword in (PAIRS[token.keyword], "SIBLINGS"))
 
 
 def _tokenize_word(text: str, start: int) -> Iterator[Token]:

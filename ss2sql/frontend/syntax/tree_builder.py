@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise, takewhile
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.fast_dataclasses import dataclass
@@ -51,12 +51,7 @@ class Part(Generic[_N]):
 
 
 Expr: TypeAlias = Part[ast.Expr]
-
-
-class HasDepth(Protocol):
-    """Something with a depth: a `Part` or a `Clause`."""
-
-    depth: int
+HasDepth: TypeAlias = "Part[Any] | Clause"
 
 
 class ExpressionBuilder:
@@ -218,14 +213,8 @@ class ExpressionBuilder:
             self._errors.append(error)
             return Part(ast.Literal("", span=span))
 
-    def true(self, span: Span) -> Expr:
-        return Part(ast.Literal(True, span=span))
-
-    def false(self, span: Span) -> Expr:
-        return Part(ast.Literal(False, span=span))
-
-    def none(self, span: Span) -> Expr:
-        return Part(ast.Literal(None, span=span))
+    def constant(self, span: Span, word: Token) -> Expr:
+        return Part(ast.Literal({"TRUE": True, "FALSE": False}.get(word.kind), span=span))
 
     def enclosed(self, span: Span, value: Expr) -> Expr:
         return Part(value.node, value.depth)
@@ -375,8 +364,7 @@ def _ends_in_comparison(query: ast.Query) -> bool:
     last = query.having or query.stop or query.where
     while isinstance(last, ast.And | ast.Or):
         last = last.parts[-1]
-    names = ("eq", "ne", "lt", "le", "gt", "ge", "in", "not_in")
-    return isinstance(last, ast.Operator) and last.function in names and last.span.end == query.span.end
+    return last is not None and _is_comparison(last) and last.span.end == query.span.end
 
 
 def _make_syntax_depth_error(node: Any) -> ParseError:
