@@ -122,9 +122,12 @@ class FlatLowering:
     ) -> exp.Select:
         """Groups of a product: its rows are numbered first, so that groups can be sorted by first appearance."""
         arguments = tuple(dict.fromkeys(lower_aggregate_inputs(query)))
-        inner = self._number_product_rows(
-            flat, lower_group_inputs(self, arguments, query.group, flat.scope, False), where
-        )
+        natural = flat.natural_order or []
+        alone = len(natural) == 1
+        number = natural[0] if alone else sql_builder.row_number([(key, False) for key in natural])
+        inputs = lower_group_inputs(self, arguments, query.group, flat.scope, number)
+        limit = sql_builder.build_sql_no_limit() if alone else None  # a window keeps a query apart, too
+        inner = sql_builder.select(inputs, flat.items, where, (), limit)
         return self.group_numbered_rows(query, inner, arguments, flat.scope, names)
 
     def group_numbered_rows(
@@ -147,20 +150,6 @@ class FlatLowering:
         rows = [sql_builder.derived(inner, label)]
         position = sql_builder.column("position", label)
         return self._write_groups(query, replace(scope, known=tuple(known)), rows, None, keys, position, names)
-
-    def _number_product_rows(self, flat: JoinBuilder, outputs: list[Node], where: Node | None) -> exp.Select:
-        """The rows of a product with these columns, and their positions in its order."""
-        natural = flat.natural_order or []
-        if len(natural) == 1:
-            return sql_builder.select(
-                [*outputs, sql_builder.alias(natural[0], "position")],
-                flat.items,
-                where,
-                (),
-                sql_builder.build_sql_no_limit(),
-            )
-        number = sql_builder.row_number([(key, False) for key in natural])
-        return sql_builder.select([*outputs, sql_builder.alias(number, "position")], flat.items, where)
 
     def _write_groups(
         self,
@@ -313,13 +302,13 @@ def lower_group_inputs(
     arguments: Sequence[plan.Expr],
     keys: Sequence[plan.Expr],
     scope: SqlScope,
-    position: bool = True,
+    number: Node,
 ) -> list[Node]:
-    """What is computed of each row before groups are made: arguments of aggregates, the keys, and its position."""
+    """What is computed of each row before groups are made: arguments of aggregates, the keys, and its number."""
     lower, value = selects.expressions.lower_expr, selects.expressions.lower_value
     shown = [sql_builder.alias(value(expr, scope), f"argument_{index}") for index, expr in enumerate(arguments, 1)]
     shown += [sql_builder.alias(lower(key, scope), f"key_{index}") for index, key in enumerate(keys, 1)]
-    return [*shown, sql_builder.alias(sql_builder.call("next_position"), "position")] if position else shown
+    return [*shown, sql_builder.alias(number, "position")]
 
 
 def lower_aggregate_inputs(query: plan.Query) -> list[plan.Expr]:

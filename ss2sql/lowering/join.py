@@ -375,7 +375,7 @@ class JoinBuilder:
         label = item.alias_or_name
         keys = {column for table, column, others in find_equality_columns(conditions) if table == label and others}
         computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
-        asked = find_alternatives(conditions, label, lambda labels: bool(labels) and label not in labels)
+        asked = find_alternatives(conditions, label, (label,))
         several = asked is not None and len(asked.keys) > 1 and _can_split_rows(source, asked.keys)
         if not keys and not computed and not several:
             return None

@@ -44,7 +44,9 @@ def lower(
         if needs.written is not None:
             needs.applied["positions"] = None
     selects = FlatLowering(needs)
-    columns, names = [output.expr for output in query.columns], _name_sql_columns(query)
+    columns = [output.expr for output in query.columns]
+    # A name that is the column's own text is not repeated.
+    names = [None if output.name == output.expr.span.text else output.name for output in query.columns]
     is_sorted = query.aggregated or (query.search is None and can_sort_in_sql(query))
     keys = () if query.aggregated else query.group
     orders = () if is_sorted else tuple(key.expr for key in query.order)  # Python sorts what has its own order
@@ -160,11 +162,6 @@ def _tell_late_columns(columns: Sequence[plan.Expr], key: plan.Column, node: sql
     names = ", ".join(name for name in read if name != key.name)
     if names:  # of columns of worlds, which are names of scripts and end no comment
         node.add_comments([f"then {names if len(names) <= 60 else names[:57] + '...'}"])
-
-
-def _name_sql_columns(query: plan.Query) -> list[str | None]:
-    """Names for the columns of the statement; a name that is the column's own text is not repeated."""
-    return [None if output.name == output.expr.span.text else output.name for output in query.columns]
 
 
 def _list_flags(exprs: Sequence[plan.Expr]) -> tuple[bool, ...]:

@@ -222,13 +222,6 @@ class RecursiveQuery:
 
     # --- sources ---------------------------------------------------------------------------------------
 
-    def open_sources(self, scope: SqlScope) -> tuple[list[Node], list[Node], SqlScope, list[Node]]:
-        """The items of FROM for the children of a state, their conditions, the sight on them, a column of each."""
-        opened, scope = lower_sources(self.selects, self.query.sources, scope, self.query.id)
-        items = [item for part in opened for item in part.items]
-        conditions = [condition for part in opened for condition in part.conditions]
-        return items, conditions, scope, [part.witness_column for part in opened]
-
     def order_items(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""
         conditions += number_sql_rows(items, conditions, self.selects.needs.materialized_ctes.values())
@@ -282,11 +275,7 @@ class RecursiveQuery:
         if item.name not in self.copies.tables or (source is not None and source.texts_for_numbers):
             return item
         assert isinstance(item, exp.Table)
-
-        def is_known(labels: frozenset[str]) -> bool:
-            return bool(labels) and labels.isdisjoint(unknown)
-
-        asked = find_alternatives(conditions, item.alias_or_name, is_known)
+        asked = find_alternatives(conditions, item.alias_or_name, unknown)
         return item if asked is None else self.copies.split_rows_by_keys(item, conditions, asked)
 
     def _materialize_item(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
@@ -298,9 +287,3 @@ class RecursiveQuery:
         if any(True for _ in item.find_all(exp.Column)):
             return item
         return self.copies.copy_list(item, item.alias_or_name, columns, place)
-
-    # --- results ---------------------------------------------------------------------------------------
-
-    def write_limit(self) -> Node | None:
-        maximum = self.search.maximum
-        return None if maximum is None else self.selects.needs.bind_count(maximum, "maximum")

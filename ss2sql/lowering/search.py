@@ -21,7 +21,7 @@ from ss2sql.language.kinds import is_flag
 from ss2sql.language.plan_traversal import find_direct_assignments, has_query, list_states
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering, lower_aggregate_inputs, lower_group_inputs
-from ss2sql.lowering.from_clause import add_call_columns, find_element_calls
+from ss2sql.lowering.from_clause import add_call_columns, find_element_calls, lower_sources
 from ss2sql.lowering.guards import is_evaluated_by
 from ss2sql.lowering.recursive_query import RecursiveQuery, shorten_sql_column_name
 from ss2sql.lowering.search_step import (
@@ -235,7 +235,10 @@ class EagerSearch(RecursiveQuery):
         """The steps from START WITH, or those from a step that goes on."""
         if self.arms is not None:
             return [self._lower_branch(item, scope, first, item is self.arms.items[0]) for item in self.arms.items]
-        sources, conditions, scope, witnesses = self.open_sources(scope)
+        opened, scope = lower_sources(self.selects, self.query.sources, scope, self.query.id)
+        sources = [item for part in opened for item in part.items]
+        conditions = [condition for part in opened for condition in part.conditions]
+        witness = opened[-1].witness_column
         if self.shared:
             sources[-1], scope = add_call_columns(self.selects, self.query, self.shared, sources[-1], scope)
         items: list[Node] = [sql_builder.table(self.table, self.table)]
@@ -244,9 +247,9 @@ class EagerSearch(RecursiveQuery):
         step = SearchStep(self, scope, first)
         conditions += step.list_lookups()
         sources = self.order_items(sources, conditions)
-        entering = [self._evaluate_for_each_step(node, witnesses) for node in step.lower_entering()]
+        entering = [self._evaluate_for_each_step(node, witness) for node in step.lower_entering()]
         if self.counted:
-            entering.insert(0, sql_builder.call("count_step", witnesses[-1].copy()))
+            entering.insert(0, sql_builder.call("count_step", witness.copy()))
         conditions += self.keep_rows_in_order(sources, conditions)
         where = [*([] if first else self.check_parent_continues()), *conditions, *entering]
         return [sql_builder.select(step.lower_columns(), items + sources, sql_builder.conjunction(where))]
@@ -269,10 +272,10 @@ class EagerSearch(RecursiveQuery):
         known = next((name for expr, name in self.known if expr == node), None)
         return known or super().carry_element(node)
 
-    def _evaluate_for_each_step(self, node: Node, witnesses: list[Node]) -> Node:
+    def _evaluate_for_each_step(self, node: Node, witness: Node) -> Node:
         """A condition on entering, evaluated for every step where it may change from step to step."""
         changing = any(call.name in ("reached", "improves") for call in node.find_all(exp.Anonymous))
-        return self.evaluate_for_each_row(node, witnesses[-1]) if changing or self.counted else node
+        return self.evaluate_for_each_row(node, witness) if changing or self.counted else node
 
     def check_parent_continues(self, expands: bool = True) -> list[Node]:
         """What is evaluated for the step that was taken, before its children; one SELECT counts that it expands."""
@@ -329,7 +332,8 @@ class EagerSearch(RecursiveQuery):
         query = self.query
         shown: list[Node] = [self.column("step"), self.column("parent")] if query.gives_paths else []
         if query.aggregated:
-            shown += lower_group_inputs(self.selects, self.aggregate_inputs, query.group, now)
+            number = sql_builder.call("next_position")
+            shown += lower_group_inputs(self.selects, self.aggregate_inputs, query.group, now, number)
         else:
             shown += [self.expressions.lower_expr(output.expr, now) for output in query.columns]
             shown += [self.expressions.lower_expr(key, now) for key in query.group]
@@ -352,4 +356,6 @@ class EagerSearch(RecursiveQuery):
             tests, still = [], [sql_builder.case([(goal, still[0])], sql_builder.number(0))]
         tests += still
         table = sql_builder.table(self.table, self.table)
-        return sql_builder.select(shown, [table], sql_builder.conjunction(tests), limit=self.write_limit())
+        maximum = self.search.maximum
+        limit = None if maximum is None else self.selects.needs.bind_count(maximum, "maximum")
+        return sql_builder.select(shown, [table], sql_builder.conjunction(tests), limit=limit)

@@ -331,17 +331,19 @@ class Alternatives:
     same: type[exp.Binary]
 
 
-def find_alternatives(
-    conditions: Sequence[Node], label: str, is_known: Callable[[frozenset[str]], bool]
-) -> Alternatives | None:
-    """The first such condition on an item; `is_known` tells whether the other side is, by the labels that it reads.
+def find_alternatives(conditions: Sequence[Node], label: str, unknown: Collection[str]) -> Alternatives | None:
+    """The first such condition on an item, whose other side reads something, but none of the `unknown` items.
 
     `a = x` is none, for SQLite makes an index for it by itself.
     """
     for number, condition in enumerate(conditions):
         whole = condition.unnest()
         parts = list(whole.flatten()) if isinstance(whole, exp.Or) else [condition]
-        sides = [(k, o) for k, o in find_equalities(parts) if find_labels(k) == {label} and is_known(find_labels(o))]
+        sides = [
+            (key, other)
+            for key, other in find_equalities(parts)
+            if find_labels(key) == {label} and find_labels(other) and find_labels(other).isdisjoint(unknown)
+        ]
         if len(sides) != len(parts) or len({other for _, other in sides}) != 1:
             continue
         keys, (other, *_) = zip(*sides, strict=True)

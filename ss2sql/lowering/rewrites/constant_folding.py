@@ -52,8 +52,8 @@ def fold_node(node: Any) -> Any:
             return node if any(map(is_volatile, branch[:-1])) else branch[-1]
         case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
             return _make_small_constant([item.value for item in items if isinstance(item, plan.Constant)], node)
-        case plan.Query():
-            return _drop_true_conditions(node)
+        case plan.Query(where=plan.Constant() as known, search=None) if get_truth(known.value):
+            return replace(node, where=None)  # of a search it would make goals of all steps that do not stop
         case _:
             return node
 
@@ -116,13 +116,6 @@ def _fold_connective(node: plan.And | plan.Or) -> plan.Expr:
     if len(parts) == 1:
         return rewrite_to_bool(parts[0])
     return node if len(parts) == len(node.parts) else replace(node, parts=tuple(parts))
-
-
-def _drop_true_conditions(query: plan.Query) -> plan.Query:
-    """The query without conditions that always hold. Without WHERE a search has other goals, so it keeps that."""
-    if query.search is None and isinstance(query.where, plan.Constant) and get_truth(query.where.value):
-        query = replace(query, where=None)
-    return query
 
 
 # --- texts given to `eval` that are known when the query is compiled: they become part of the plan
