@@ -214,17 +214,22 @@ def test_engines_give_the_value(name: str, part: int) -> None:
 @EVERY_ROW
 def test_engines_give_the_value_of_columns_of_tables(name: str, part: int) -> None:
     for count in arities(name):
-        names, call = "abcd"[:count], written(name, list("abcd"[:count]))
         for columns in parts_of(TABLED, count, part):
             good, failing = good_rows(name, [COLUMNS[one] for one in columns] + [LATER[:2]] * (count - 2))
             for rows in (good, *([*good[:3], row] for row in failing)):
-                if not rows:
-                    continue
-                with ss2sql.connect() as session:
-                    session.host.connection.execute(f"CREATE TABLE t({', '.join(names)})")
-                    marks = ", ".join("?" * count)
-                    session.host.connection.executemany(f"INSERT INTO t VALUES ({marks})", rows)
-                    compare(session, f"SELECT {call} FROM t AS list;", name, rows)
+                if rows:
+                    with ss2sql.connect() as session:
+                        compare_columns(session, session.host.connection, name, [""] * count, rows, ENGINES)
+
+
+def compare_columns(session: ss2sql.Session, own: Any, name: str, kinds: list[str], rows: Any, engines: Any) -> None:
+    """The same for a table of these rows in a database."""
+    names, marks = "abcd"[: len(kinds)], ", ".join("?" * len(kinds))
+    own.execute(f"CREATE TABLE t({', '.join(map(' '.join, zip(names, kinds, strict=True)))})")
+    own.executemany(f"INSERT INTO t VALUES ({marks})", rows)
+    if "duckdb" in engines:
+        session.attach("t", own.table("t"))
+    compare(session, f"SELECT {written(name, list(names))} FROM t AS list;", name, rows, engines)
 
 
 @EVERY_PART
@@ -253,19 +258,13 @@ TYPES_OF_DUCKDB = {"small": "BIGINT", "ints": "BIGINT", "floats": "DOUBLE", "hal
 def test_duckdb_gives_the_value(name: str, part: int) -> None:
     duckdb = pytest.importorskip("duckdb")
     for count in arities(name):
-        names, call = "abcd"[:count], written(name, list("abcd"[:count]))
         for columns in parts_of(TYPES_OF_DUCKDB, count, part):
             given = [[one for one in COLUMNS[column] if "\0" not in str(one)][:9] for column in columns]
             good, _ = good_rows(name, [*given, *[LATER[:1]] * (count - 2)])
-            if not good:
-                continue
-            connection = duckdb.connect()
-            kinds = [*map(TYPES_OF_DUCKDB.get, columns), "BIGINT", "BIGINT"][:count]
-            connection.execute(f"CREATE TABLE t({', '.join(map(' '.join, zip(names, kinds, strict=True)))})")
-            connection.executemany(f"INSERT INTO t VALUES ({', '.join('?' * count)})", good)
-            with ss2sql.connect() as session:
-                session.attach("t", connection.table("t"))
-                compare(session, f"SELECT {call} FROM t AS list;", name, good, engines=("duckdb", "native"))
+            kinds = [*map(TYPES_OF_DUCKDB.__getitem__, columns), "BIGINT", "BIGINT"][:count]
+            if good:
+                with ss2sql.connect() as session:
+                    compare_columns(session, duckdb.connect(), name, kinds, good, ("duckdb", "native"))
 
 
 # --- aggregates ----------------------------------------------------------------------------------------
