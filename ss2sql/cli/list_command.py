@@ -14,7 +14,6 @@ from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
 from ss2sql.errors import CODES, suggest_names
 
 if TYPE_CHECKING:
-    from ss2sql.session.session import Session
     from ss2sql.session.variables import FunctionAbout
 
 
@@ -90,7 +89,9 @@ def list_command(topic: str | None, words: tuple[str, ...], inputs: ScriptInputs
     name = " ".join(words) or None  # such as NO CYCLE
     if topic == "worlds" and inputs.worlds:
         with inputs.open_session() as session:
-            _print_worlds(session, name, form)
+            # As `Session.describe` does.
+            texts = {word: session.describe(word) for word in ([name] if name else session.host.names.worlds)}
+        print_line(json.dumps(texts, ensure_ascii=False, indent=2) if form == "json" else "\n\n".join(texts.values()))
         return
     if topic is None:
         entries: list[Entry] = [{"name": word, "text": text} for word, text in TOPICS.items()]
@@ -113,13 +114,6 @@ def _select_entries(entries: list[Entry], name: str | None, topic: str) -> list[
         hint = "".join(f" ({text})" for text in suggest_names(name, (entry["name"] for entry in entries)))
         raise click.UsageError(f"there is no '{name}' among the {topic}{hint}", click.get_current_context())
     return found
-
-
-def _print_worlds(session: Session, name: str | None, form: str) -> None:
-    """Prints the tables of attached worlds, as `Session.describe` does."""
-    names = list(session.host.names.worlds) if name is None else [name]
-    texts = {word: session.describe(word) for word in names}
-    print_line(json.dumps(texts, ensure_ascii=False, indent=2) if form == "json" else "\n\n".join(texts.values()))
 
 
 def _print_entries(entries: Sequence[Entry]) -> None:

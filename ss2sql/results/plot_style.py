@@ -55,11 +55,6 @@ def choose_style(number: int, total: int, wider: float) -> dict[str, Any]:
     return {"color": BLUE, "alpha": max(0.04, min(0.6, 12 / total)), "lw": 1.5}
 
 
-def mark_path_ends_in_plot(ax: Any, starts: Any, goals: Any, width: int) -> None:
-    ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")
-    ax.scatter(*goals.T[:width], s=120, marker="*", color=INK, edgecolor="white", zorder=41, label="last step")
-
-
 def draw_legend(ax: Any) -> None:
     """Draws the legend of the lines, beside the picture unless a map has its colours there."""
     handles, labels = ax.get_legend_handles_labels()
@@ -154,7 +149,8 @@ def draw_paths(result: Result, paths: Found, where: Coordinates, ax: Any, most: 
     over = bool(ax.images)  # a map is there already: its labels and its area stay
     _draw_path_lines(ax, [line.T[:width] for line in drawn], wider=1.5)
     starts, goals = (np.unique([line[end] for line in drawn], axis=0) for end in (0, -1))
-    mark_path_ends_in_plot(ax, starts, goals, width)
+    ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")
+    ax.scatter(*goals.T[:width], s=120, marker="*", color=INK, edgecolor="white", zorder=41, label="last step")
     if not over:
         for axis, name in zip("xyz"[:width], where.names or "xyz", strict=False):
             getattr(ax, f"set_{axis}label")(escape_plot_label(name))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from random import Random
-from typing import ClassVar
 from xml.sax.saxutils import quoteattr
 
 from ss2sql.errors import require_package
@@ -27,8 +26,6 @@ class MuJoCoChaos:
     - `names`: the name of every body, by its id
     - `forces`: the force that acts on a body, by its id
     """
-
-    bounds: ClassVar[tuple[Vector, Vector]] = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
 
     def __init__(self, seed: int, bodies: int) -> None:
         self.mujoco = require_package("mujoco", "mujoco", "this scene")

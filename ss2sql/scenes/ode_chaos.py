@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import dist
 from random import Random
-from typing import Any, ClassVar
+from typing import Any
 
 from ss2sql.errors import require_package
 from ss2sql.scenes.chaos_scene import (  # fmt: skip
@@ -34,14 +34,14 @@ class OdeChaos:
     - `births`, `deaths`: how many particles were added and removed
     """
 
-    bounds: ClassVar[tuple[Vector, Vector]] = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
-
     def __init__(self, seed: int, bodies: int) -> None:
         self.ode = require_package("ode", "ode", "this scene")
         self.seed = seed
         self.steps = self.births = self.deaths = 0
         self.world, self.space = self.ode.World(), self.ode.HashSpace()
-        self.walls = [self._make_wall(name, normal) for name, normal in WALLS.items()]
+        self.walls = [self.ode.GeomPlane(self.space, normal, -HALF) for normal in WALLS.values()]
+        for wall, name in zip(self.walls, WALLS, strict=True):
+            wall.name = name
         self.particles: list[Any] = []
         self._forces: dict[Any, Vector] = {}
         self._ends: dict[Any, int] = {}
@@ -123,11 +123,6 @@ class OdeChaos:
         # If world and bodies become garbage together, pyode may destroy the world first and crash on the bodies.
         for geom in getattr(self, "particles", ()):
             geom.setBody(None)
-
-    def _make_wall(self, name: str, normal: Vector) -> Any:
-        wall = self.ode.GeomPlane(self.space, normal, -HALF)
-        wall.name = name
-        return wall
 
     def _add_geom(self, particle: Particle) -> Any:
         body, mass = self.ode.Body(self.world), self.ode.Mass()

@@ -39,6 +39,10 @@ class CommandError(Exception):
         return "\n".join([f"error: {self.args[0]}", *(f"  = help: {hint}" for hint in self.hints)])
 
 
+class ExitRequest(Exception):  # noqa: N818 - no error
+    """The user leaves the shell."""
+
+
 class FileFailed(Exception):  # noqa: N818 - the error itself has been told
     """A file that was read has failed."""
 
@@ -323,8 +327,6 @@ WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 
 
 def _leave_shell(shell: Shell, _: str) -> None:
-    from ss2sql.shell.shell import ExitRequest
-
     raise ExitRequest
 
 

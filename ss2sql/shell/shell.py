@@ -31,7 +31,7 @@ from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.syntax.tokenizer import MAX_BYTES, make_script_size_error
 from ss2sql.language.conversion import format_value as written
-from ss2sql.shell.dot_commands import FORMS, CommandError, FileFailed, Settings, run_dot_command
+from ss2sql.shell.dot_commands import FORMS, CommandError, ExitRequest, FileFailed, Settings, run_dot_command
 from ss2sql.shell.statement_splitter import TypedPiece, split_statements
 
 if TYPE_CHECKING:
@@ -42,10 +42,6 @@ if TYPE_CHECKING:
 TYPED = "<script>"  # the name of the input in errors
 MOST_ASSIGNED = 100  # characters of a value that was assigned
 MOST_VALUE = 4000  # characters of any other
-
-
-class ExitRequest(Exception):  # noqa: N818 - no error
-    """The user leaves the shell."""
 
 
 class Shell:
@@ -94,7 +90,9 @@ class Shell:
         self.result = result
         self.print_result(result, _find_typed_assignment(source) if result.answer is None else None)
         if self.settings.timer:
-            print_line(_format_shell_timer(result))
+            parts: dict[str, Any] = result.stats.seconds
+            stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in parts.items())
+            print_line(f"{sum(parts.values()):.3f} s: {stages}")
 
     def print_result(self, result: Result, assigned: str | None = None) -> None:
         """Prints a result; for an assignment a note, since its value is in the variable."""
@@ -104,7 +102,11 @@ class Shell:
         elif settings.format != "table" or result.answer is not None:
             make_output(settings.format, None, settings.show).write_result(result)
         elif result.value is not None:
-            print_line(_shorten_shell_output(str(result.value)))
+            text = str(result.value)
+            if len(text) > MOST_VALUE:
+                shown = f"the first {MOST_VALUE:,} shown; `.format json` shows all"
+                text = f"{text[:MOST_VALUE]}...\n{len(text):,} characters, {shown}"
+            print_line(text)
 
     def print_error(self, error: BaseException) -> None:
         self.failed = True
@@ -134,18 +136,6 @@ def _find_typed_assignment(source: Source) -> str | None:
             return str(name)
         case _:
             return None
-
-
-def _shorten_shell_output(text: str) -> str:
-    if len(text) <= MOST_VALUE:
-        return text
-    return f"{text[:MOST_VALUE]}...\n{len(text):,} characters, the first {MOST_VALUE:,} shown; `.format json` shows all"
-
-
-def _format_shell_timer(result: Result) -> str:
-    parts: dict[str, Any] = result.stats.seconds
-    stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in parts.items())
-    return f"{sum(parts.values()):.3f} s: {stages}"
 
 
 # --- the shell without a terminal: statements from a pipe or a file, each run as soon as it is complete

@@ -26,8 +26,8 @@ from pygments.token import _TokenType as Type
 import ss2sql
 from ss2sql.editor.lexer import SelectScriptLexer
 from ss2sql.shell.completion import find_signature_at_cursor, suggest_completions
-from ss2sql.shell.dot_commands import EXAMPLE, SETTINGS, Settings, format_setting
-from ss2sql.shell.shell import ExitRequest, Shell
+from ss2sql.shell.dot_commands import EXAMPLE, SETTINGS, ExitRequest, Settings, format_setting
+from ss2sql.shell.shell import Shell
 from ss2sql.shell.statement_splitter import is_typed_input_ready, split_statements
 from ss2sql.shell.symbols import SymbolTable
 
@@ -45,7 +45,6 @@ STYLE = {
     "pygments.error": "ansired underline",
     "argument": "bold underline",
 }
-PROMPTS = ("ss> ", "..> ")
 
 
 class ShellLexer(Lexer):
@@ -94,7 +93,7 @@ def open_history_file() -> Path:
     return path
 
 
-PROMPT, MORE = PROMPTS
+PROMPT, MORE = "ss> ", "..> "
 # Words that newcomers type to leave or to get help, each alone on a line.
 PLAIN_WORDS = {"exit": ".exit", "quit": ".exit", "\\q": ".exit", "help": ".help", "?": ".help", "\\h": ".help"}
 

@@ -76,19 +76,6 @@ Fetch: TypeAlias = Callable[[Any], Values]
 LARGEST_BLOCK = 64  # elements: their data are still in the processor's cache when the next group is fetched
 
 
-def make_fetcher(reading: Reading, table: Table, group: str, rows: dict[Hashable, Values]) -> Fetch:
-    """A function that fetches a group of the element with a key, and stores its values in `rows`."""
-    schema, span = reading.schema, reading.span
-    if group in schema.arrays or group in schema.blocks:
-        return BlockFetcher(reading, group, getattr(table, group), rows).fetch_key
-
-    def fetch_key(key: Hashable) -> Values:
-        row = rows[key] = schema.read_row(group, key, span)
-        return row
-
-    return fetch_key
-
-
 class BlockFetcher:
     """Fetches other elements along with the one that is wanted.
 
@@ -97,12 +84,10 @@ class BlockFetcher:
     one again. So at most about twice the elements that are read are fetched, and exactly three for `LIMIT 3`.
     """
 
-    def __init__(
-        self, reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]
-    ) -> None:
+    def __init__(self, reading: Reading, group: str, rows: dict[Hashable, Values]) -> None:
         self.reading = reading
         self.group = group
-        self.method = method
+        self.method: Callable[[Any], Any] = getattr(reading.table, group)
         self.rows = rows
         self.arrays = group in reading.schema.arrays
         self.together = True  # until a value does not fit
@@ -332,12 +317,17 @@ class Reading:
         return _make_reader(schema.groups[group].places[name], known, self._get_fetcher(group))
 
     def _get_fetcher(self, group: str) -> Fetch:
-        """The fetcher of a group; its columns share one, since blocks grow with what is read."""
-        found = self._fetches.get(group)
-        if found is None:
-            assert isinstance(self.table, Table)
-            found = self._fetches[group] = make_fetcher(self, self.table, group, self._rows[group])
-        return found
+        """What fetches a group of the element with a key. Its columns share one: blocks grow with what is read."""
+        if group not in self._fetches:
+            schema, span, rows = self.schema, self.span, self._rows[group]
+
+            def fetch_key(key: Hashable) -> Values:
+                row = rows[key] = schema.read_row(group, key, span)
+                return row
+
+            together = group in schema.arrays or group in schema.blocks
+            self._fetches[group] = BlockFetcher(self, group, rows).fetch_key if together else fetch_key
+        return self._fetches[group]
 
     def get_handles(self, name: str) -> dict[Hashable, Any]:
         """The SQL values of a column, or of the elements, by key, for values that are passed as handles.

@@ -225,11 +225,6 @@ class Layout:
         self.names = tuple(chain.from_iterable((*part.names, *chain.from_iterable(part.inner)) for part in parts))
 
     @property
-    def is_flat(self) -> bool:
-        """Whether every column is a value of its own with one name."""
-        return len(self.parts) == len(self.names)
-
-    @property
     def items(self) -> dict[str, tuple[str, ...]]:
         """The columns of lists, each with a column for each item."""
         lists = [part for part in self.parts if part.inner]
@@ -373,16 +368,13 @@ class Schema:
                 raise self._make_error(f"the column '{name}' is given twice")
             self.group_of[name] = group
         wrong = layout.find_contradiction(self.kinds)
-        if wrong is None and group in self.arrays and not layout.is_flat:
+        if wrong is None and group in self.arrays and len(layout.parts) < len(layout.names):
             wrong = "it gives arrays, one for each column"
         if wrong is not None:
             raise self._make_error(f"the group '{group}': {wrong}")
         self.items.update(layout.items)
-        tested = (
-            make_column_test(layout.list_tested_kinds(self.kinds))
-            if len(layout.parts) > 1 or group in self.blocks
-            else None
-        )
+        quick = len(layout.parts) > 1 or group in self.blocks
+        tested = make_column_test(layout.list_tested_kinds(self.kinds)) if quick else None
         self.quick_tests[group] = tested or (lambda values: False)
 
     def _read_places(self, table: Table) -> None:

@@ -25,11 +25,6 @@ if TYPE_CHECKING:
 _PLAIN = frozenset({type(None), bool, int, str})
 
 
-def convert_frame_cells(values: list[Any]) -> list[Any]:
-    """The values of a column, with None for missing ones."""
-    return values if set(map(type, values)) <= _PLAIN else list(map(convert_frame_cell, values))
-
-
 def convert_frame_cell(value: Any) -> Any:
     """The value of a cell, or of a part of one: NaN and its like as None, times as text, decimals as numbers."""
     kind = type(value)
@@ -91,12 +86,16 @@ def convert_array(array: Array, missing: Array | None, place: str, suffix: str =
                 _join_nulls(missing, numpy.isnat(array)), lambda: _format_frame_times(array, suffix)
             )
         case "m":
-            return _make_frame_durations(array, missing, place)
+            if numpy.datetime_data(array.dtype)[0] in ("Y", "M"):
+                hints = ("convert it to days or seconds",)
+                raise ExecutionError("X004", f"{place} holds durations in months, which have no length", hints=hints)
+            return convert_array(array / numpy.timedelta64(1, "s"), _join_nulls(missing, numpy.isnat(array)), place)
     return make_frame_objects(array.tolist(), place)
 
 
 def make_frame_objects(values: list[Any], place: str) -> Column:
-    known = convert_value(convert_frame_cells(values), place)
+    cells = values if set(map(type, values)) <= _PLAIN else list(map(convert_frame_cell, values))
+    known = convert_value(cells, place)
     return Column(type_of(known).element or Type(), lambda: known)
 
 
@@ -166,13 +165,6 @@ def _trim_zeros(text: str) -> str:
     if not digits.strip("0"):
         return whole
     return f"{whole}.{digits[:6] if digits.endswith('000') and len(digits) == 9 else digits.ljust(6, '0')}"
-
-
-def _make_frame_durations(array: Array, missing: Array | None, place: str) -> Column:
-    if numpy.datetime_data(array.dtype)[0] in ("Y", "M"):
-        hints = ("convert it to days or seconds",)
-        raise ExecutionError("X004", f"{place} holds durations in months, which have no length", hints=hints)
-    return convert_array(array / numpy.timedelta64(1, "s"), _join_nulls(missing, numpy.isnat(array)), place)
 
 
 def reader(source: Any, name: str) -> Reader | None:

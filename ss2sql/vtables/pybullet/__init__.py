@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from ss2sql.language.area_grid import Grid
 from ss2sql.language.rows import Table, request_hidden_columns
-from ss2sql.vtables.body_functions import Near, Overlaps, find_named_body
+from ss2sql.vtables.body_functions import Near, Overlaps
 from ss2sql.vtables.contract import Element, Gone
 from ss2sql.vtables.pybullet.bullet_tables import (
     BulletBodies,
@@ -123,29 +123,16 @@ class PyBulletWorld(BulletFunctions):
 
     def find_body(self, wanted: Any) -> int:
         """The id of a body, given by its element, its id, its name, or one of its links."""
-        match wanted:
-            case bool():
-                pass
-            case int():
-                if self.has_body(wanted):
-                    return wanted
-                raise world_error(
-                    f"there is no body {wanted}", "ask for the bodies anew: SELECT id, name FROM the world"
-                )
-            case tuple() as link:
-                return self.find_body(link[0])
-            case str():
-                return self._find_named(wanted)
-        shown = f"{wanted!r} of another world" if isinstance(wanted, Element) else repr(wanted)
-        raise world_error(f"{shown} is no body", "give an element of this world, the id of a body, or its name")
-
-    def _find_named(self, name: str) -> int:
-        """The id of the body with a name, cached: a search takes a microsecond for each body."""
-        known = self._ids.get(name)
-        if known is not None and self.has_body(known) and self.name_of(known) == name:
-            return known
-        found = self._ids[name] = find_named_body(name, {body: self.name_of(body) for body in self.list_ids()})
-        return found
+        if isinstance(wanted, tuple):  # the key of a link
+            return self.find_body(wanted[0])
+        if type(wanted) is int and not self.has_body(wanted):
+            raise world_error(f"there is no body {wanted}", "ask for the bodies anew: SELECT id, name FROM the world")
+        if not isinstance(wanted, str):
+            return super().find_body(wanted)
+        known = self._ids.get(wanted)  # cached: a search takes a microsecond for each body
+        if known is None or not self.has_body(known) or self.name_of(known) != wanted:
+            known = self._ids[wanted] = super().find_body(wanted)
+        return known
 
     def get_element(self, body: int) -> Element | None:
         """A body as scripts see it; None for PyBullet's -1."""

@@ -218,20 +218,6 @@ def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> 
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond
 
 
-def copy_collision_shapes(client: Any, parts: list[tuple[Part, Pose]]) -> list[int]:
-    """Collision shapes in a simulation, as few as PyBullet allows for the parts."""
-    plain = [part for part in parts if "vertices" not in part[0]]
-    some = [plain[first : first + MOST_PARTS] for first in range(0, len(plain), MOST_PARTS)]
-    some += [[part] for part in parts if "vertices" in part[0]]
-    return [_create_shape(client, group, "Collision") for group in some]
-
-
-def copy_visual_shape(client: Any, parts: list[tuple[Part, Pose]]) -> int:
-    """A visual shape, -1 without parts; PyBullet shows the first MOST_PARTS parts."""
-    parts = [({_VISUAL.get(name, name): value for name, value in part.items()}, pose) for part, pose in parts]
-    return _create_shape(client, parts, "Visual")
-
-
 def _create_shape(client: Any, parts: list[tuple[Part, Pose]], kind: str) -> int:
     """A shape of parts, each at its pose."""
     if not parts:
@@ -419,7 +405,10 @@ class _BodyCopy:
             for of, number, data in self.world.shapes.read_shapes(self.body)
             if of == link
         ]
-        return copy_collision_shapes(self.client, parts)
+        plain = [part for part in parts if "vertices" not in part[0]]
+        groups = [plain[first : first + MOST_PARTS] for first in range(0, len(plain), MOST_PARTS)]
+        groups += [[part] for part in parts if "vertices" in part[0]]
+        return [_create_shape(self.client, group, "Collision") for group in groups]
 
     def _copy_solid(self, link: int, number: int, data: Any) -> Part:
         if data[5] is None:
@@ -443,7 +432,8 @@ class _BodyCopy:
             solid = make_solid(touched[0][2], touched[0][3]) if len(touched) == 1 else None
             return make_visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
         parts = [(read_bullet_shape(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
-        return copy_visual_shape(self.client, [(part, pose) for part, pose in parts if part is not None])
+        named = [({_VISUAL.get(n, n): v for n, v in part.items()}, pose) for part, pose in parts if part is not None]
+        return _create_shape(self.client, named, "Visual")  # PyBullet shows the first MOST_PARTS
 
     def _copy_colors(self, made: int) -> None:
         counts: Counter[int] = Counter()

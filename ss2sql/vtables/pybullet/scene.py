@@ -330,27 +330,21 @@ class Scene:
         turned: Vector = (0.0, 0.0, 0.0), touchable: bool = True,
     ) -> int:  # fmt: skip
         """Adds a body; without mass nothing moves it. `turned`: roll, pitch and yaw in radians."""
+        # Bullet keeps shapes until the simulation ends: equal ones are made once.
+        if touchable and solid not in self._shapes:
+            self._shapes[solid] = self.client.createCollisionShape(**describe_shape(solid))
+        if (solid, colour) not in self._shapes:
+            self._shapes[solid, colour] = make_visual_shape(self.client, solid, colour)
         body = self.client.createMultiBody(
             baseMass=mass,
-            baseCollisionShapeIndex=self._make_collision_shape(solid) if touchable else -1,
-            baseVisualShapeIndex=self._make_visual_shape(solid, colour),
+            baseCollisionShapeIndex=self._shapes[solid] if touchable else -1,
+            baseVisualShapeIndex=self._shapes[solid, colour],
             basePosition=position,
             baseOrientation=import_pybullet().getQuaternionFromEuler(turned),
         )
         if isinstance(solid, Plane):
             self._planes.add(body)
         return self.adopt(body, name)
-
-    def _make_collision_shape(self, solid: Solid) -> int:
-        # Bullet keeps shapes until the simulation ends: equal ones are made once.
-        if solid not in self._shapes:
-            self._shapes[solid] = self.client.createCollisionShape(**describe_shape(solid))
-        return self._shapes[solid]
-
-    def _make_visual_shape(self, solid: Solid, colour: Colour) -> int:
-        if (solid, colour) not in self._shapes:
-            self._shapes[solid, colour] = make_visual_shape(self.client, solid, colour)
-        return self._shapes[solid, colour]
 
     def adopt(self, body: int, name: str) -> int:
         """Gives a name to a body that PyBullet has just made."""
