@@ -273,7 +273,7 @@ class StatementRuns:
     tree: ast.Expr
     cells: list[BenchResult] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    finished: list[FinishedRun] = field(default_factory=list)
+    finished: list[FinishedRun] = field(default_factory=list)  # one of each strategy
     variation: str | None = None  # why two runs may differ anyhow
     unnamed: Sequence[str] = ()  # see `compare_answers`
 
@@ -344,7 +344,8 @@ class StatementRuns:
             cell.answer, cell.same, cell.forbidden = verdict.words, verdict.same, verdict.forbidden
             if verdict.forbidden and self.variation:
                 cell.answer, cell.forbidden = f"{verdict.words}; {self.variation}", False
-            self.finished.append(finished)
+            if all(one.cell.strategy != name for one in self.finished):  # the first of an engine is enough to compare
+                self.finished.append(finished)
 
     def _judge_run(self, run: FinishedRun) -> Verdict:
         """Compares a run with the same strategy on another engine, or else with the reference."""
