@@ -111,9 +111,7 @@ class Rows:
             values = [row[index] for row in iterate_with_check(self.list_all_rows(), check)] if index in stars else []
             apart = bool(values) and all(isinstance(value, dict) and value for value in values)
             parts.append((index, tuple({key: None for value in values for key in value}) if apart else None))
-        names: list[str] = []
-        for index, keys in parts:
-            names.extend(make_unique_name(name, names) for name in (keys or (self.columns[index],)))
+        names = make_unique_column_names(name for index, keys in parts for name in keys or (self.columns[index],))
 
         def expand_row(row: Row) -> Row:
             cells: list[Any] = []
@@ -127,7 +125,7 @@ class Rows:
             if self.paths is None
             else [list(map(expand_row, path)) for path in iterate_checked_paths(self.paths, check)]
         )
-        return replace(self, columns=tuple(names), rows=rows, paths=paths)
+        return replace(self, columns=names, rows=rows, paths=paths)
 
 
 def make_unique_name(name: str, taken: Collection[str]) -> str:

@@ -31,18 +31,18 @@ from ss2sql.frontend.resolve.search_clauses import (
 )
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.tokenizer import shorten_text
-from ss2sql.frontend.syntax.tree_builder import OPERATORS, VALUED_OPTIONS
+from ss2sql.frontend.syntax.tree_builder import VALUED_OPTIONS
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, NONE, Kind, Type, limit_type_depth, make_list_type, unite
+from ss2sql.language.operations import OPERATOR_FUNCTIONS
 from ss2sql.language.plan_traversal import is_volatile, join_conditions, list_sources, list_states, split_and, walk
-from ss2sql.language.rows import make_unique_name
+from ss2sql.language.rows import make_unique_column_names
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
 
 
 # --- hidden columns: those that a representation needs beside SELECT's
-_SIGNS = {*OPERATORS.values(), "neg", "not_in", "item", "slice", "like"}  # calls that are written as operators
 
 
 def add_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
@@ -121,7 +121,7 @@ def _resolve_hidden_fact(
             arguments, valued = [element], False
         case plan.Column(source=number, name=word):
             name, arguments = word, _resolve_hidden_elements(tuple(source for source in sources if source.id == number))
-        case plan.Call(function=function, arguments=given) if function.name not in _SIGNS and not any(
+        case plan.Call(function=function, arguments=given) if function.name not in OPERATOR_FUNCTIONS and not any(
             map(is_volatile, given)
         ):
             word = function.name.removeprefix("world_").rpartition(".")[2]
@@ -358,10 +358,8 @@ def _resolve_columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple
                 outputs.append(plan.Output(_derive_column_name(column), _resolve_sort_key(resolver, column, scope)))
     if any(output.label for output in outputs):
         return tuple(outputs)  # names that are complete only when the query runs are made unique then
-    taken: dict[str, None] = {}
-    for output in outputs:
-        taken[make_unique_name(output.name, taken)] = None
-    return tuple(replace(output, name=name) for output, name in zip(outputs, taken, strict=True))
+    names = make_unique_column_names(output.name for output in outputs)
+    return tuple(replace(output, name=name) for output, name in zip(outputs, names, strict=True))
 
 
 def _split_column_name(column: ast.Expr | ast.Named | ast.Star) -> tuple[str | None, ast.Expr | None]:

@@ -194,16 +194,11 @@ def _declare_end_aggregate(name: str, place: int, about: str, example: str) -> O
     )  # fmt: skip
 
 
-def _declare_collect() -> AggregateOperation:
-    """The row of `collect`: the values of a group as a list, for functions that need their order or more arguments."""
-
-    def infer_type(kind: Type) -> Type:
-        return Type(Kind.LIST, element=kind, columns=kind.columns)
-
-    return AggregateOperation(list, [], infer_type, lambda kind: False, lambda kind: False, python=(Form(list),))
-
-
-COLLECT = _declare_collect()
+# The values of a group as a list, for functions that need their order or more arguments.
+COLLECT = AggregateOperation(
+    list, [], lambda kind: Type(Kind.LIST, element=kind, columns=kind.columns), lambda kind: False, lambda kind: False,
+    python=(Form(list),),
+)  # fmt: skip
 
 OPERATIONS: tuple[Operation, ...] = (
     declare_aggregate(

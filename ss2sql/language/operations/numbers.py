@@ -214,7 +214,7 @@ def _make_angle(
             return float(check_arithmetic(compute(*numbers)))
         except ValueError:
             raise misuse(
-                f"{name} of {' and '.join(map(format_value, numbers))} is no real number", _DOMAINS[name]
+                f"{name} of {' and '.join(map(format_value, numbers))} is no real number", _DOMAINS.get(name, "")
             ) from None
         except OverflowError:
             raise build_overflow_error() from None
@@ -224,14 +224,11 @@ def _make_angle(
     safe = name in ("sin", "cos", "tan", "atan2")
     compute_angle.__name__ = name
     return declare(
-        name, known, compute_angle, lambda types: Type(Kind.FLOAT, *bounds) if not _has_no_numbers(types) else NOTHING,
+        name, known, compute_angle,
+        lambda types: Type(Kind.FLOAT, *bounds) if all(kind.may_be(Kind.NUMBER) for kind in types) else NOTHING,
         lambda types: not are_numeric(types) or not safe, call=call, about=about, example=example,
         python=(Form(compute, are_numeric),),
     )  # fmt: skip
-
-
-def _has_no_numbers(types: Types) -> bool:
-    return not all(kind.may_be(Kind.NUMBER) for kind in types)
 
 
 def _compute_log(value: float, base: float = math.e) -> float:
@@ -246,7 +243,6 @@ def _compute_log(value: float, base: float = math.e) -> float:
 _DOMAINS = {
     "asin": "it takes a number from -1 to 1", "acos": "it takes a number from -1 to 1",
     "log": "it takes a number above 0, and a base above 0 other than 1",
-    "exp": "", "sin": "", "cos": "", "tan": "", "atan2": "",
 }  # fmt: skip
 
 
