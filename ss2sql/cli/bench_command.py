@@ -15,16 +15,16 @@ from ss2sql.cli.output import (
     end_with_message,
     exit_with_code_on_error,
     make_output_console,
-    make_output_error,
     mark_user_errors,
     print_line,
     print_note,
+    report_unwritable,
 )
 from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Error
 
 if TYPE_CHECKING:
-    from ss2sql.bench import BenchRules, StatementRuns
+    from ss2sql.bench import StatementRuns
 
 ALL = "all"
 ENGINES = {"all": ("database", "native"), "database": ("database",), "native": ("native",)}
@@ -75,7 +75,7 @@ def bench_command(
     json_file: Path | None,
 ) -> None:
     """Races engines and search strategies on a script, and compares their answers."""
-    from ss2sql.bench import BenchRules, make_runs, print_runs
+    from ss2sql.bench import BenchRules, collect_race_report, make_runs, print_runs
     from ss2sql.session.session import read_script_source
 
     source = inputs.script
@@ -100,19 +100,11 @@ def bench_command(
                     print_runs(runs, make_output_console())
             run.append(runs)
     if json_file is not None:
-        _write_figures(run, settings, json_file)
+        figures = json.dumps(collect_race_report(run, settings), indent=2, default=repr)
+        with report_unwritable(json_file):
+            json_file.write_text(f"{figures}\n", encoding="utf-8")
+        print_note(f"written to {json_file}")
     _exit_on_contradictions(run)
-
-
-def _write_figures(run: Sequence[StatementRuns], settings: BenchRules, path: Path) -> None:
-    from ss2sql.bench import collect_race_report
-
-    figures = json.dumps(collect_race_report(run, settings), indent=2, default=repr)
-    try:
-        path.write_text(f"{figures}\n", encoding="utf-8")
-    except OSError as error:
-        raise make_output_error(path, error) from error
-    print_note(f"written to {path}")
 
 
 def _exit_on_contradictions(run: Sequence[StatementRuns]) -> None:

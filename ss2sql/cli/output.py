@@ -261,10 +261,8 @@ class Output:
         if self.path is None:
             _print_result(result, self.form, self.shown)
             return
-        try:
+        with report_unwritable(self.path):
             _write_file(result, self.form, self.path, self.shown)
-        except OSError as error:
-            raise make_output_error(self.path, error) from error
         print_note(f"written to {self.path}: {describe_output_size(result)}")
 
 
@@ -301,8 +299,13 @@ def check_output_folder(path: Path) -> None:
         raise SessionError("S002", f"{path} cannot be written: there is no folder {path.parent}")
 
 
-def make_output_error(path: Path, error: OSError) -> SessionError:
-    return SessionError("S002", f"{path} cannot be written: {error.strerror or error}")
+@contextmanager
+def report_unwritable(path: Path) -> Iterator[None]:
+    """Raises SessionError S002 where the block cannot write the file."""
+    try:
+        yield
+    except OSError as error:
+        raise SessionError("S002", f"{path} cannot be written: {error.strerror or error}") from error
 
 
 def describe_output_size(result: Result) -> str:

@@ -19,10 +19,10 @@ from ss2sql.cli.output import (
     describe_output_size,
     exit_with_code_on_error,
     make_output,
-    make_output_error,
     mark_user_errors,
     print_line,
     print_note,
+    report_unwritable,
     writes_json,
 )
 from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
@@ -189,10 +189,8 @@ def plot_command(
         if stopped is not None and not (len(result) or result.traced):
             raise stopped
         figure = result.plot(kind=kind, title=title, most=most).figure
-        try:
+        with report_unwritable(output):
             figure.savefig(output)
-        except OSError as error:
-            raise make_output_error(output, error) from error
     print_note(f"written to {output}: {describe_output_size(result)}")
     if stopped is not None:
         raise stopped

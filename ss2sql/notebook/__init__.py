@@ -1,7 +1,6 @@
 """SelectScript in notebooks: `%load_ext ss2sql` gives the magics `%%ss` and `%ss`.
 
-magics are the magics, magic_options reads their first line, caller_names finds what a script means by names of the
-notebook, cell_errors shows errors. Only this room imports IPython.
+Only this room imports IPython.
 """
 
 from __future__ import annotations

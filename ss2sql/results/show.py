@@ -41,13 +41,15 @@ class Sheet:
 
 def print_result(result: Result, most: int, console: Console, noted: bool = True) -> None:
     """Prints the table with its caption, and the notes if `noted`."""
+    from rich.cells import cell_len
     from rich.table import Table
     from rich.text import Text
 
     wide = min(console.width, MOST_WIDE)
     arrow = " -> " if console.options.ascii_only else " → "
     made = make_result_sheet(result, most, wide, arrow)
-    widths = _fit_widths(_measure_columns(made), wide - 1 - FRAME * len(made.headings))
+    naturals = [max(map(cell_len, column)) for column in zip(made.headings, *made.rows, strict=True)]
+    widths = _fit_widths(naturals, wide - 1 - FRAME * len(made.headings))
     table = Table()
     for heading, width, right in zip(made.headings, widths, made.right, strict=True):
         table.add_column(
@@ -198,13 +200,6 @@ def _describe_map(value: Any) -> str:
     left, right, lower, upper = value.extent
     area = f"from [{left:g}, {lower:g}] to [{right:g}, {upper:g}]"
     return f"; a map of {columns} x {rows} cells {area}, values {value.min()} to {value.max()}"
-
-
-def _measure_columns(made: Sheet) -> list[int]:
-    """The natural width of each column."""
-    from rich.cells import cell_len
-
-    return [max(map(cell_len, (heading, *(row[i] for row in made.rows)))) for i, heading in enumerate(made.headings)]
 
 
 def _fit_widths(naturals: Sequence[int], room: int) -> list[int]:
