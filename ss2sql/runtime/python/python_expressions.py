@@ -161,13 +161,16 @@ class InlineCall:
         if known.is_only(Kind.LIST) and not all(
             t.element is not None and t.element.is_only(_NUMBER) for t in self.types
         ):
-            return build.call(
-                self.codegen.read_sizes("add_values", build), *(operand.take_expr() for operand in self.operands)
-            )
+            add = self.codegen.read_sizes("add_values", build)
+            return build.call(add, *(operand.take_expr() for operand in self.operands))
         value = self.hold_value(self._fill_text())
-        most = self.codegen.read_sizes("plain" if known.is_only(Kind.STR) else "cells", build)
-        small = build.compare(build.call("len", value.first), ast.LtE(), most)
-        return build.if_else(small, value.again, build.call(self.codegen.read_sizes("check_value", build), value.again))
+        return build.express(
+            "again if len(value) <= most else check(again)",
+            value=value.first,
+            again=value.again,
+            most=self.codegen.read_sizes("plain" if known.is_only(Kind.STR) else "cells", build),
+            check=self.codegen.read_sizes("check_value", build),
+        )
 
     def _write_size_checked(self) -> ast.expr:
         """A number, left to `check` where it may be beyond all values; its type says on which side that can be."""
@@ -197,23 +200,16 @@ class InlineCall:
         known = [one.is_only(Kind.NUMBER) for one in self.types]
         odd, other = (left, right) if known[1] else (right, left)
         if any(known) and other.first is other.again:
-            tested = build.bind(kind, build.call("type", odd.take_expr()))
-            words = [(tested, "int"), (build.name(kind), "float")]
-            tests = [build.join_conditions(ast.Or(), [build.compare(one, ast.Is(), build.name(w)) for one, w in words])]
+            test = build.express("(kind := type(odd)) is int or kind is float", kind=kind, odd=odd.take_expr())
         else:
-            tested = build.call("type", left.take_expr())
-            same = build.compare(tested, ast.Is(), build.bind(kind, build.call("type", right.take_expr())))
-            numeric = [build.compare(build.name(kind), ast.Is(), build.name(word)) for word in ("int", "float")]
-            tests = [same, build.join_conditions(ast.Or(), numeric)]
+            text = "type(left) is (kind := type(right)) and (kind is int or kind is float)"
+            test = build.express(text, kind=kind, left=left.take_expr(), right=right.take_expr())
         result = self._fill_text()
         if self.name not in PREDICATES:
             value = self.hold_value(result)
-            within = [value.first, build.constant(SMALL)]
-            tests.append(ast.Compare(build.constant(-SMALL), [ast.LtE(), ast.LtE()], within, **build.at))
-            result = value.again
-        return build.if_else(
-            build.join_conditions(ast.And(), tests) if len(tests) > 1 else tests[0], result, self._write_plain_call()
-        )
+            text = f"test and {-SMALL} <= value <= {SMALL}"
+            test, result = build.express(text, test=test, value=value.first), value.again
+        return build.if_else(test, result, self._write_plain_call())
 
     # --- operands --------------------------------------------------------------------------------------
 
@@ -306,7 +302,7 @@ def _generate_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScop
             tested = build.join_conditions(operator, [write_part(parts[0]), *build_maybe(parts[1:])])
             return tested if all(part.type.is_only(Kind.BOOL) for part in parts) else build.truth(tested)
         case plan.Xor(left=left, right=right):
-            return build.compare(build.negate(write_part(left)), ast.NotEq(), build.negate(write_part(right)))
+            return build.express("(not left) != (not right)", left=write_part(left), right=write_part(right))
         case plan.Not(operand=operand):
             return build.negate(write_part(operand))
         case plan.If(condition=condition, then=then, otherwise=otherwise):
@@ -421,13 +417,10 @@ def _generate_column(body: PythonScope, node: plan.Column, build: AstBuilder) ->
     if columns is not None:
         return build.item(current, columns.index(node.name))
     codegen.page.note_call(node.span, node.name)  # a field may be computed by code of the user's
-    if not node.declared:
-        return build.call(codegen.use(read_column), current, build.constant(node.name))
-    if codegen.elements[node.source].is_only(Kind.DICT):
-        if not node.type.may_be(Kind.NONE):  # so it is there
-            return build.item(current, build.constant(node.name))
-        return build.call(build.part(current, "get"), build.constant(node.name))
-    return build.call(codegen.use(read_column), current, build.constant(node.name), build.constant(None))
+    text = "read(current, name, None)" if node.declared else "read(current, name)"
+    if node.declared and codegen.elements[node.source].is_only(Kind.DICT):
+        text = "current.get(name)" if node.type.may_be(Kind.NONE) else "current[name]"
+    return build.express(text, read=read_column, current=current, name=build.constant(node.name))
 
 
 # --- calls ---------------------------------------------------------------------------------------------
