@@ -20,7 +20,6 @@ from collections.abc import Sequence
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import Stopped
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT
 from ss2sql.language.plan_traversal import can_end_early, has_array_calls, is_volatile, split_and, walk
@@ -35,6 +34,14 @@ from ss2sql.runtime.run.post_processing import is_row_count
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.native_query import QueryCompiler
+
+
+FIND_GROUP = """
+group = groups.get(key)
+if group is None:
+    group = groups[key] = EMPTY
+    FIRST
+"""
 
 
 class GroupCollector:
@@ -115,14 +122,11 @@ class GroupCollector:
             keys.append(value if expr.type.is_only(SCALAR_KINDS) else build.call(codegen.use(make_hashable), value))
         key, group = codegen.new_name("key"), codegen.new_name("group")
         inner.emit(build.assign(key, keys[0] if len(keys) == 1 else build.pack(*keys)))
-        groups = build.name(self.groups)
-        inner.emit(build.assign(group, build.call(build.part(groups, "get"), build.name(key))))
-        made = self._make_empty_group()
-        fill = build.write("group = groups[key] = made", group=group, groups=self.groups, key=key, made=made)
+        first: list[ast.stmt] = []
         if not self.plain:
-            row = build.pack(*values)
-            fill += build.write("firsts[key] = row", firsts=self.first_rows, key=key, row=row)
-        inner.emit(build.when(build.compare(build.name(group), ast.Is(), build.constant(None)), *fill))
+            first = build.write("firsts[key] = row", firsts=self.first_rows, key=key, row=build.pack(*values))
+        words = {"group": group, "groups": self.groups, "key": key}
+        inner.emit(*build.write(FIND_GROUP, **words, EMPTY=self._make_empty_group(), FIRST=first))
         return group
 
     def _read_list(self, group: str, index: int) -> ast.expr:
@@ -184,15 +188,8 @@ def compile_flat_query(
     else:
         build = builder.codegen.build_at(query.span)
         row, key_values = generate_row_and_keys(builder, query, outputs, keys, inner)
-        inner.emit(
-            build.run(
-                build.yield_(
-                    build.pack(build.pack(*row), build.pack(*key_values))
-                    if query.group
-                    else build.pack(*row, *key_values)
-                )
-            )
-        )
+        parts = [build.pack(*row), build.pack(*key_values)] if query.group else [*row, *key_values]
+        inner.emit(build.run(build.yield_(build.pack(*parts))))
     inner.define_function()
     return body.name if loops.stages is None else loops.stages.join_stages()
 
@@ -231,9 +228,8 @@ def generate_key(builder: QueryCompiler, key: plan.Expr, body: PythonScope) -> a
     with body.write_skippable():
         value = generate_expression(builder, key, body)
     name = codegen.new_name("argument")
-    codegen.use(Stopped)
-    failed = build.call(codegen.use(FailedArgument))
-    body.emit(build.try_unless_stopped(build.assign(name, value), build.assign(name, failed)))
+    failed = build.write("name = failed()", name=name, failed=FailedArgument)
+    body.emit(*build.try_unless_stopped([build.assign(name, value)], failed))
     return build.name(name)
 
 

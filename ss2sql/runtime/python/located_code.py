@@ -326,10 +326,10 @@ class AstBuilder:
         target = targets[0] if len(targets) == 1 else ast.Tuple(targets, ast.Store(), **self.at)
         return ast.For(target, items, body, [], **self.at)
 
-    def try_unless_stopped(self, attempt: ast.stmt, otherwise: ast.stmt) -> ast.stmt:
-        """The statement, and the other one where it raises anything but the end of the run."""
+    def try_unless_stopped(self, attempt: list[ast.stmt], otherwise: list[ast.stmt]) -> list[ast.stmt]:
+        """The statements, and the other ones where they raise anything but the end of the run."""
         text = "try: ATTEMPT\nexcept Stopped: raise\nexcept Exception: OTHERWISE"
-        return self.write(text, ATTEMPT=[attempt], OTHERWISE=[otherwise])[0]
+        return self.write(text, ATTEMPT=attempt, OTHERWISE=otherwise)
 
     def function(self, name: str, parameters: list[str], body: list[ast.stmt]) -> ast.stmt:
         arguments = ast.arguments([], [ast.arg(p, None, **self.at) for p in parameters], None, [], [], None, [])

@@ -13,7 +13,6 @@ from dataclasses import replace
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any, assert_never
 
-from ss2sql.errors import Stopped
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT, Kind
 from ss2sql.language.plan_traversal import can_end_early, has_array_calls, list_columns_read, split_and
@@ -254,9 +253,10 @@ class SourceLoops:
         name = codegen.names[source.id] = codegen.new_name(source.name)
         names = (name, codegen.keys.get(source.id))
         if (self.alone and body.level == 0) or checked:
-            parts = build.call(codegen.use(iterate_with_checks), build.name("run"), items)
-            few = build.compare(build.call("len", items), ast.LtE(), build.constant(TURNS_PER_CHECK))
-            items = build.if_else(few, items, parts) if checked else parts
+            text = (
+                f"items if len(items) <= {TURNS_PER_CHECK} else parts(run, items)" if checked else "parts(run, items)"
+            )
+            items = build.express(text, items=items, parts=iterate_with_checks)
         body.open_loop([word for word in names if word is not None], items, build)
         body.levels[source.id] = body.level
         if source.id in self.items and self.stages is not None:
@@ -271,11 +271,9 @@ class SourceLoops:
         """Counts a turn, or a loop of few turns, and looks at the clock now and then."""
         codegen = self.builder.codegen
         build = codegen.build
-        counter, due = codegen.name_counter("ticks", body), codegen.name_counter("due_tick", body)
-        look = build.assign(due, codegen.write_turn_check(counter))
-        body.emit(
-            build.add_to(counter), build.when(build.compare(build.name(counter), ast.GtE(), build.name(due)), look)
-        )
+        ticks, due = codegen.name_counter("ticks", body), codegen.name_counter("due_tick", body)
+        text = "ticks += 1\nif ticks >= due: due = look"
+        body.emit(*build.write(text, ticks=ticks, due=due, look=codegen.write_turn_check(ticks)))
 
     def _test_conditions(self, body: PythonScope, conditions: Sequence[plan.Expr]) -> PythonScope:
         for condition in conditions:
@@ -419,15 +417,14 @@ class SourceLoops:
         build = codegen.build_at(conditions[0].other.span)
         others = [one.other for one in conditions]
         if all(one.sure for one in conditions):
-            return build.call(build.part(index, "get"), self._write_key(others, body, build), build.pack())
+            return build.express("index.get(key, ())", index=index, key=self._write_key(others, body, build))
         with body.write_skippable():
             key = self._write_key(others, body, build)
         index = body.name_or_constant(index, build, "index")
         found = codegen.new_name("found")
         body.locals.append(found)
-        codegen.use(Stopped)
-        attempt = build.assign(found, build.call(build.part(index, "find_rows"), key))
-        body.emit(build.try_unless_stopped(attempt, build.assign(found, build.part(index, "rows"))))
+        attempt = build.write("found = index.find_rows(key)", found=found, index=index, key=key)
+        body.emit(*build.try_unless_stopped(attempt, build.write("found = index.rows", found=found, index=index)))
         return build.name(found)
 
     def _look_up_range(self, source: plan.Source, items: ast.expr, body: PythonScope) -> ast.expr:
@@ -440,11 +437,15 @@ class SourceLoops:
         operators = build.pack(*(build.constant(one.operator) for one in ranges))
         bounds = build.pack(*(generate_expression(self.builder, one.other, body) for one in ranges))
         if not self._is_ordered_by(ranges[0].key):
-            return build.call(build.part(index, "find_rows"), operators, bounds)
-        order = codegen.bind(("row order", self.query.id), "row_order", build.call(codegen.use(RowOrder)), build)
+            return build.express("index.find_rows(operators, bounds)", index=index, operators=operators, bounds=bounds)
+        order = codegen.bind(("row order", self.query.id), "row_order", build.express("order()", order=RowOrder), build)
         codegen.row_orders[self.query.id] = order
-        descending = build.constant(self.query.order[0].descending)
-        return build.call(build.part(index, "find_rows_in_order"), build.name(order), descending, operators, bounds)
+        descending, text = (
+            self.query.order[0].descending,
+            "index.find_rows_in_order(order, descending, operators, bounds)",
+        )
+        words = {"index": index, "operators": operators, "bounds": bounds}
+        return build.express(text, order=order, descending=descending, **words)
 
     def _is_ordered_by(self, key: plan.Expr) -> bool:
         """Whether the rows of the query are wanted in the order of a key of its only source, up to LIMIT."""

@@ -171,9 +171,8 @@ class StepClauses:
         """HEURISTIC, CONNECT BY, and what BY compares, as far as somebody needs them; gives the step."""
         of_state, after = self.key_is_named and self.search.by == "state", None
         if not stops and self.search.heuristic is not None:
-            self.inner.emit(
-                self.build.assign("estimate", self._write_number(self.search.heuristic, run_state.check_heuristic))
-            )
+            estimate = self._write_number(self.search.heuristic, run_state.check_heuristic)
+            self.inner.emit(self.build.assign("estimate", estimate))
         if not stops or of_state:
             self._write_connect()
             after = self._build_next_state()
@@ -336,13 +335,11 @@ class StepClauses:
     def _write_closed_test(self) -> ast.expr:
         build = self.build
         if not self.totals:
-            return build.compare(self.key, ast.In(), build.name("closed"))
-        known = build.bind("known", build.call(build.part(build.name("closed"), "get"), self.key))
+            return build.express("key in closed", key=self.key)
         if self.search.heuristic is None:
             self.codegen.namespace["TAKEN"] = TAKEN
-            return build.compare(known, ast.Is(), build.name("TAKEN"))
-        worse = build.compare(build.name("known"), ast.LtE(), build.name("total"))
-        return build.join_conditions(ast.And(), [build.compare(known, ast.IsNot(), build.constant(None)), worse])
+            return build.express("(known := closed.get(key)) is TAKEN", key=self.key)
+        return build.express("(known := closed.get(key)) is not None and known <= total", key=self.key)
 
     def _write_closed_check(self, place: int) -> None:
         """Whether the row is closed whose value at this place has not been checked."""
@@ -353,8 +350,8 @@ class StepClauses:
         value = build.name(single.value)
         made = build.call("tuple", value)
         if single.shape == "nested":
-            copies = build.call("map", build.name(codegen.embed(list.copy, "copy")), value)  # fails for what is no list
-            made = build.call("tuple", build.call("map", build.name("tuple"), copies))
+            copy = codegen.embed(list.copy, "copy")  # fails for what is no list
+            made = build.express("tuple(map(tuple, map(copy, value)))", copy=copy, value=value)
         row = [build.bind(key.id, made) if at == place else part for at, part in enumerate(self.row)]
         checked = build.write(
             CHECKED if single.shape in ("flat", "nested") else SETTLED,
@@ -422,8 +419,7 @@ class StepClauses:
             if clause is not None:
                 inner.emit(self._assign_truth(name, clause))
         if stop is not None:
-            traceless = build.join_conditions(ast.And(), [build.name("stop"), build.negate(build.name("goal"))])
-            inner.emit(build.when(traceless, *leave))
+            inner.emit(*build.write("if stop and not goal:\n    LEAVE", LEAVE=leave))
 
     def _assign_truth(self, name: str, clause: plan.Expr) -> ast.stmt:
         build = self.codegen.build_at(clause.span)
@@ -438,12 +434,8 @@ class StepClauses:
         if weight is None:
             return
         probable = self.search.order == "probability"
-        inner.emit(
-            build.assign(
-                "weight",
-                self._write_number(weight, run_state.check_probability if probable else run_state.check_cost),
-            )
-        )
+        check = run_state.check_probability if probable else run_state.check_cost
+        inner.emit(build.assign("weight", self._write_number(weight, check)))
         if probable:
             inner.emit(build.if_not(build.name("weight"), *self._write_trace_note("stopped"), build.continue_loop()))
 
@@ -465,13 +457,9 @@ class StepClauses:
 
     def _write_improvement_test(self, known: bool = False) -> None:
         """A step that is no better than the best to its row, which may be `known`, is dropped."""
-        build = self.build
-        total = build.name("known")
-        if not known:
-            total = build.bind("known", build.call(build.part(build.name("best"), "get"), self.key))
-        worse = build.compare(build.name("known"), ast.LtE(), build.name("new_total"))
-        is_worse = build.join_conditions(ast.And(), [build.compare(total, ast.IsNot(), build.constant(None)), worse])
-        self.inner.emit(*build.write(CLOSED, IS_CLOSED=is_worse, LEAVE=self._write_prune()))
+        text = "known" if known else "(known := best.get(key))"
+        is_worse = self.build.express(f"{text} is not None and known <= new_total", key=self.key)
+        self.inner.emit(*self.build.write(CLOSED, IS_CLOSED=is_worse, LEAVE=self._write_prune()))
 
     # --- CONNECT BY ------------------------------------------------------------------------------------
 

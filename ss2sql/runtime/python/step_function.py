@@ -172,8 +172,9 @@ class StepFunction(StepClauses):
         one_by_one = self.resumed and not self.has_list_elements
         if not has_search_loop_code(loop) or self.search.first is not None or self.takes_arrays or one_by_one:
             return None
-        build, codegen, run = self.build, self.codegen, self.build.name("run")
-        hand_on = codegen.bind("hand_on of steps", "hand_on", build.call(codegen.use(make_count_report), run), build)
+        build, codegen = self.build, self.codegen
+        report = build.express("make(run)", make=make_count_report)
+        hand_on = codegen.bind("hand_on of steps", "hand_on", report, build)
         self.body.blocks[0][:] = self._write_body("due")
         function = self.body.build_function(build)
         assert isinstance(function, ast.FunctionDef)
@@ -190,7 +191,7 @@ class StepFunction(StepClauses):
         }
         expanded = build.constant(0 if self.edges else -1)  # a search is no step, so its start does not count
         begin = build.write("generated = pruned = due = 0; expanded = EXPANDED", EXPANDED=expanded)
-        end = [build.run(build.call(hand_on, *map(build.name, COUNTERS)))]
+        end = build.write("hand_on(generated, expanded, pruned)", hand_on=hand_on)
         if self.single is not None:
             begin, end = [*begin, *self.single.begin], [*self.single.end, *end]
         name = codegen.new_name("search")
@@ -257,10 +258,8 @@ class StepFunction(StepClauses):
 
     def _choose_elements(self, items: ast.expr) -> ast.expr:
         """The elements that lead to the goal in time, see runtime/search/bidirectional.py."""
-        build = self.build
-        nobody = build.compare(build.name("choose"), ast.Is(), build.constant(None))
-        state = build.pack(*map(build.name, self.frozen_states.values()))
-        return build.if_else(nobody, items, build.call("choose", items, state))
+        state = self.build.pack(*map(self.build.name, self.frozen_states.values()))
+        return self.build.express("items if choose is None else choose(items, state)", items=items, state=state)
 
     def _write_element_tuples(self) -> ast.expr:
         """The elements; those of `FROM [[A, b], [a, B]]` are tuples if they are only unpacked and shown."""
