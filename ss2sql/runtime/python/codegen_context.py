@@ -282,7 +282,8 @@ class PythonScope:
         self.forget_names(value)
         if self.sure and facts.key is not None:
             self.known[-1][facts.key] = name
-        return build.express("kept if kept is not UNSET else (kept := value)", kept=name, value=value)
+        fresh = build.compare(build.name(name), ast.IsNot(), build.name("UNSET"))
+        return build.if_else(fresh, build.name(name), build.bind(name, value))
 
     def forget_names(self, value: ast.expr) -> None:
         """No longer knows the names that are set in a value, which may be skipped: they would keep older values.

@@ -224,15 +224,11 @@ class AstBuilder:
         return line.value
 
     def _build_word(self, meant: Word) -> ast.expr | Sequence[ast.stmt]:
-        match meant:
-            case str():
-                return self.name(meant)
-            case ast.expr() | list():
-                return meant
-            case None | int():
-                return self.constant(meant)
-        assert callable(meant)
-        return self.name(self.use(meant))
+        if isinstance(meant, str):
+            return self.name(meant)
+        if isinstance(meant, (ast.expr, list)):
+            return meant
+        return self.name(self.use(meant)) if callable(meant) else self.constant(meant)
 
     def use(self, function: Callable[..., Any]) -> str:
         """The name of a function of the library."""
@@ -344,6 +340,10 @@ T = TypeVar("T")
 Word: TypeAlias = "ast.expr | Sequence[ast.stmt] | str | Callable[..., Any] | int | None"
 
 
+# Nodes with parts or positions; all trees share the others.
+_COPIED = (ast.mod, ast.stmt, ast.expr, ast.excepthandler, ast.comprehension, ast.arguments, ast.arg, ast.keyword)
+
+
 @cache
 def parse_code(text: str) -> list[ast.stmt]:
     """The statements of a text without their positions, which mean nothing in a script. Read them, and copy them."""
@@ -359,26 +359,24 @@ def copy_tree(
 ) -> T:
     """A copy of syntax trees, in which words are replaced by what they stand for, with positions where there are none.
 
-    `copy.deepcopy` takes four times as long. Fields and positions alone are copied: who shows tracebacks, as IPython
-    does, notes the parents of nodes in them.
+    `copy.deepcopy` takes four times as long. What all trees share is not copied: who shows tracebacks, as IPython does,
+    notes the parents of nodes in it.
     """
-    if isinstance(node, list):
+    kind: Any = type(node)
+    if kind is list:
         lines: list[Any] = []
-        for part in node:
+        for part in node:  # type: ignore[attr-defined]
             word = words.get(part.value.id) if type(part) is ast.Expr and type(part.value) is ast.Name else None
             lines += word if isinstance(word, list) else [copy_tree(part, words, at)]
         return lines  # type: ignore[return-value]
-    if not isinstance(node, ast.AST) or not (node._fields or node._attributes):
+    if kind is ast.Name and (word := words.get(node.id)) is not None:  # type: ignore[attr-defined]
+        return ast.Name(word.id, node.ctx, **at) if type(word) is ast.Name else word  # type: ignore
+    if not isinstance(node, _COPIED):
         return node
-    if isinstance(node, ast.Name) and node.id in words:
-        word = words[node.id]
-        return ast.Name(word.id, node.ctx, **at) if isinstance(word, ast.Name) else word  # type: ignore[return-value]
-    made: Any = type(node).__new__(type(node))
-    fields = node.__dict__
-    made.__dict__.update({name: copy_tree(fields[name], words, at) for name in node._fields if name in fields})
-    if node._attributes:
-        made.__dict__.update(at)
-        made.__dict__.update({name: fields[name] for name in node._attributes if name in fields})
+    made = kind.__new__(kind)
+    made.__dict__.update(at)
+    for name, value in node.__dict__.items():
+        made.__dict__[name] = copy_tree(value, words, at) if isinstance(value, (ast.AST, list)) else value
     return made  # type: ignore[no-any-return]
 
 

@@ -135,9 +135,9 @@ class InlineCall:
         if value is not None:
             words["argument_value"] = value
         text = text.replace("{*}", ", ".join(words))
-        (line,) = copy_tree(parse_code(re.sub(r"\{(\w+)\}", r"argument_\1", text)), words, self.build.at)
+        (line,) = parse_code(re.sub(r"\{(\w+)\}", r"argument_\1", text))
         assert isinstance(line, ast.Expr)
-        return line.value
+        return copy_tree(line.value, words, self.build.at)
 
     def _write_tested(self, test: str) -> ast.expr:
         """The value where the test holds, else the call.
@@ -235,8 +235,9 @@ class InlineCall:
 class FormWords(dict[str, PythonOperand]):
     """The operands of a form: each where it is evaluated first, then its name; an IfExp has its test first."""
 
-    def __getitem__(self, word: str) -> Any:
-        return super().__getitem__(word).take_expr()
+    def get(self, word: str, default: Any = None) -> Any:
+        operand = super().get(word)
+        return default if operand is None else operand.take_expr()
 
 
 # --- expressions as Python expressions
