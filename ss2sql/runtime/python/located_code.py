@@ -370,7 +370,7 @@ def copy_tree(
             lines += word if isinstance(word, list) else [copy_tree(part, words, at)]
         return lines  # type: ignore[return-value]
     if kind is ast.Name and (word := words.get(node.id)) is not None:  # type: ignore[attr-defined]
-        return ast.Name(word.id, node.ctx, **at) if type(word) is ast.Name else word  # type: ignore
+        return word if type(node.ctx) is ast.Load else ast.Name(word.id, node.ctx, **at)  # type: ignore
     if not isinstance(node, _COPIED):
         return node
     made = kind.__new__(kind)
