@@ -28,7 +28,7 @@ COLLECTORS = {
     "rows": "collect_rows",
     "set": "collect_set",
     "value": "collect_value",
-    "void": "collect_value",
+    "void": "collect_nothing",
 }
 
 
@@ -246,8 +246,6 @@ class FlatLowering:
         return sql_builder.select([output(flat.scope)], flat.items, where)
 
     def _collect_values(self, query: plan.Query, values: list[Node]) -> Node:
-        if query.representation.name == "void":
-            values = [sql_builder.null(), *values]
         if query.representation.name != "dict":
             return sql_builder.call(COLLECTORS[query.representation.name], *values)
         arguments: list[Node] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cached_property
 from typing import Any
 
 import pytest
@@ -39,15 +40,16 @@ def ss(own: Any, ss: ss2sql.Session) -> ss2sql.Session:
 def read(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many values come out of DuckDB, column by column."""
     lengths: list[int] = []
-    values = Column.values.fget
-    assert values is not None
+    values = Column.values.func
 
     def look(column: Column) -> Any:
         found = values(column)
         lengths.append(len(found))
         return found
 
-    monkeypatch.setattr(Column, "values", property(look))
+    watched = cached_property(look)
+    watched.__set_name__(Column, "values")
+    monkeypatch.setattr(Column, "values", watched)
     return lengths
 
 

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.executor import SqliteExecution
     from ss2sql.runtime.sqlite.list_elements import SqliteElementCalls
 
+NO_LIMIT = 2**63  # more rows than any query has
+
 
 def make_list_function(interning: Interning, *items: Any) -> Any:
     """`list(a, b)`: a list literal."""
@@ -184,6 +186,20 @@ class CollectSet(CollectRows):
         return self.interning.encode_made(convert_value(as_set(Table((), rows)), "AS set"))
 
 
+class CollectNothing(Collect):
+    """`collect_nothing(a, b)`: the rows are evaluated, the value is None."""
+
+    def __init__(self, interning: Interning) -> None:
+        super().__init__(interning)
+        self.room = NO_LIMIT if interning.sizes.rows is None else interning.sizes.rows
+
+    def step(self, *row: Any) -> None:
+        self.check_row_room()
+
+    def value(self) -> Any:
+        return None
+
+
 class CollectValue(Collect):
     """`collect_value(a, b)`: a of the first row, after all rows have been evaluated; nobody keeps the others."""
 
@@ -216,6 +232,7 @@ AGGREGATE_FUNCTIONS: dict[str, Callable[[Interning], Collect]] = {
     "collect_rows": CollectRows,
     "collect_records": CollectRecords,
     "collect_set": CollectSet,
+    "collect_nothing": CollectNothing,
     "collect_value": CollectValue,
     **{f"group_{name}": _make_aggregate_class(name) for name in GROUPS},
 }
@@ -224,7 +241,7 @@ AGGREGATE_FUNCTIONS: dict[str, Callable[[Interning], Collect]] = {
 # --- the names that functions of a session have in SQL
 # Names that the SQL made by lowering uses for itself; a user's function of such a name gets another one in SQL.
 RESERVED_NAMES = SQLITE_FUNCTIONS | {
-    *("collect", "collect_records", "collect_rows", "collect_set", "collect_value"),
+    *("collect", "collect_nothing", "collect_records", "collect_rows", "collect_set", "collect_value"),
     *(f"group_{name}" for name in GROUPS),
     *("list", "record", "field"),
     *("truth", "in_turn", "recall", "remember", "elements", "search"),
