@@ -69,7 +69,6 @@ if TYPE_CHECKING:
     from ss2sql.results.explain.explanation import Explanation
     from ss2sql.results.watching.search_trace import SearchTrace
     from ss2sql.runtime.parallel.block_calls import CallPrefetcher
-    from ss2sql.runtime.run.run_state import Run
     from ss2sql.runtime.sqlite.search_functions import SearchState
     from ss2sql.session.host import SessionHost
 

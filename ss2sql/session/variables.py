@@ -98,9 +98,8 @@ class TemporalFile:
             return found
         except (apsw.Error, ExecutionError, ValueError, TypeError, RecursionError) as error:
             hints = ("another program may be writing to the file, or it is damaged; the table can be dropped",)
-            message = f"the table ss2sql_temporal of the file cannot be read: {error}"
-            if isinstance(error, ExecutionError):
-                message = f"the table ss2sql_temporal of the file cannot be read: {error.message}"
+            reason = error.message if isinstance(error, ExecutionError) else error
+            message = f"the table ss2sql_temporal of the file cannot be read: {reason}"
             raise SessionError("S002", message, hints=hints) from error
 
     def save_history(self, name: str, history: History | None) -> None:

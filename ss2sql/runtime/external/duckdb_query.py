@@ -251,7 +251,7 @@ class DuckQuery:
             for name, wanted in self.parameters.items()
         }
         run.bound[self] = values
-        with reading.convert_errors(), interrupt_when_due(run, reading):
+        with reading.convert_errors(), interrupt_when_due(run, reading.cursor.interrupt):
             yield from self._run_statement(reading, loaded, values, run, fetch)
 
     def _evaluate_limit(self, run: Run) -> int | None:
@@ -349,7 +349,7 @@ class PredicatePushdown:
         kept = None if frame is None else self.filter_frame(frame, run.get_source)
         if frame is None or kept is None:
             return run.get_source(self.source.value.name)
-        with interrupt_when_due(run, frame.reading):
+        with interrupt_when_due(run, frame.reading.cursor.interrupt):
             return frame.restrict_rows(kept)
 
     def filter_frame(self, frame: DuckFrame, variable: Callable[[str], Any]) -> ExternalTable | None:

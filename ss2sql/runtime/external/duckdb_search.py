@@ -55,7 +55,7 @@ class DuckEngine:
         self.errors: tuple[type[Exception], ...] = (duckdb.Error,)
         self.sources: DuckSources | None = DuckSources(lambda: self.session.cursor(), self.errors, begun)
 
-    def open_tables(self, search_run: SearchRun) -> DuckTables:
+    def open_tables(self) -> DuckTables:
         return DuckTables(self.session.cursor())
 
     def find_results(self, search_run: SearchRun, opened: DuckTables, written: DuckLevelStatements) -> Iterator[Found]:

@@ -240,9 +240,6 @@ class DuckTransaction:
         with self.convert_errors():
             return self.cursor.sql(text).to_arrow_table()
 
-    def interrupt_statement(self) -> None:
-        self.cursor.interrupt()
-
 
 class DuckFrame(Frame):
     """A table of DuckDB as a data frame, which `reading` reads: a column when it is first needed.

@@ -17,7 +17,6 @@ from ss2sql.language.rows import Rows
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, StepSelect, TypedColumn, write_portable_steps
 from ss2sql.lowering.sql_builder import DUCKDB, SPARK, Dialect
 from ss2sql.runtime.external.table_statements import (
-    OpenedDatabase,
     interrupt_when_due,
     join_column_names,
     list_duckdb_columns,
@@ -30,7 +29,9 @@ from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.external.duckdb_search import DuckTables
     from ss2sql.runtime.external.duckdb_sources import DuckSources
+    from ss2sql.runtime.external.spark_session import SparkStore
 
 
 # What Python notes of each step: a `row_key` that is the same for equal rows; the others are bytes.
@@ -208,7 +209,7 @@ class TableEngine(Protocol):
     errors: tuple[type[Exception], ...]
     sources: DuckSources | None
 
-    def open_tables(self, search_run: SearchRun) -> OpenedDatabase:
+    def open_tables(self) -> DuckTables | SparkStore:
         """Opens the database for a run."""
 
     def find_results(self, search_run: SearchRun, opened: Any, written: Any) -> Iterator[Found]:
@@ -250,9 +251,9 @@ class LevelQuery:
         return self._native.compute_rows(run, sink)
 
     def _iterate_results(self, search_run: SearchRun) -> Iterator[Found]:
-        tables = self.database.open_tables(search_run)
+        tables = self.database.open_tables()
         try:
-            with interrupt_when_due(search_run.run, tables):
+            with interrupt_when_due(search_run.run, tables.interrupt_statement):
                 yield from self.database.find_results(search_run, tables, self.level_plan)
         except self.database.errors as error:
             hint = "look at its limit of memory and the room on its disk"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
+from marshal import loads
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,6 @@ from ss2sql.runtime.external.task_pickle import (
     expand_spark_batches,
     make_task,
     pickle_search,
-    read_spark_counts,
 )
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
@@ -123,7 +123,7 @@ class SparkSearch:
 
     def _read_accounts(self, accounts: list[bytes], frontier: DataFrame) -> None:
         """Counts what tasks have told. Raises what has kept one from its work, or has failed there."""
-        told = [read_spark_counts(bytes(state)) for state in accounts]
+        told: list[dict[str, Any]] = [loads(bytes(state)) for state in accounts]
         for one in told:
             if one["trouble"]:
                 hint = "what functions import has to be installed there, or sent with spark.sparkContext.addPyFile"

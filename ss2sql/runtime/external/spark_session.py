@@ -136,7 +136,7 @@ class SparkEngine:
         else:
             _check_spark_session(session)
 
-    def open_tables(self, search_run: SearchRun) -> SparkStore:
+    def open_tables(self) -> SparkStore:
         from pyspark.sql import SparkSession
 
         if self.session is None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import sqlglot
 
@@ -92,27 +92,18 @@ def _get_duckdb_arrow_type(kind: str) -> pa.DataType:
 CHECK_SECONDS = 0.02  # seconds
 
 
-class Interruptible(Protocol):
-    def interrupt_statement(self) -> None:
-        """Ends the statement that runs in another thread; it may be called again until the run has ended."""
-
-
-class OpenedDatabase(Interruptible, Protocol):
-    """What a run has opened in another database."""
-
-    def close_tables(self) -> None:
-        """Lets go of everything."""
-
-
 @contextmanager
-def interrupt_when_due(run: Run, opened: Interruptible) -> Iterator[None]:
-    """Has a thread of its own look whether the run is interrupted or late, for as long as it takes."""
+def interrupt_when_due(run: Run, interrupt: Callable[[], object]) -> Iterator[None]:
+    """Has a thread of its own look whether the run is interrupted or late, for as long as it takes.
+
+    `interrupt` ends the statement that runs; it may be called again until the run has ended.
+    """
     over = threading.Event()
 
     def watch_run() -> None:
         while not over.wait(CHECK_SECONDS):
             if run.interrupted or (run.bounds.deadline is not None and time.monotonic() >= run.bounds.deadline):
-                opened.interrupt_statement()  # again and again: it may have come between two statements
+                interrupt()  # again and again: it may have come between two statements
 
     thread = threading.Thread(target=watch_run, daemon=True)
     thread.start()

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import field, replace
 from functools import partial
-from marshal import dumps, loads
+from marshal import dumps
 from operator import add
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -259,9 +259,8 @@ def make_task(function: Callable[..., Iterator[Any]], *arguments: Any) -> Task:
 # --- trying steps in a Python process of an executor of Spark
 ROWS_PER_BLOCK = 5_000  # of a batch
 BYTES_PER_BLOCK = 1 << 22  # of its rows and states, at about which a batch ends
-_unpacked_tasks: dict[
-    str, UnpickledSearch
-] = {}  # by the names of runs; a process serves one after the other, seldom two
+# By the names of runs; a process serves one after the other, seldom two.
+_unpacked_tasks: dict[str, UnpickledSearch] = {}
 
 
 def expand_spark_batches(
@@ -320,8 +319,3 @@ def _iterate_tries(
                 rows, size = [], 0
     if rows:
         yield rows
-
-
-def read_spark_counts(state: bytes) -> dict[str, Any]:
-    told: dict[str, Any] = loads(state)
-    return told

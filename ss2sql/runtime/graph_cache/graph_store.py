@@ -24,7 +24,7 @@ from ss2sql.language.conversion import convert_value
 from ss2sql.language.kinds import Opaque, is_encodable
 from ss2sql.language.values import Frozen, thaw_value
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
-from ss2sql.runtime.run.run_state import without_keyboard_interrupt
+from ss2sql.runtime.run.run_state import defer_keyboard_interrupt
 from ss2sql.runtime.sqlite.connections import READ_ERRORS
 
 _OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
@@ -195,7 +195,7 @@ class GraphStore:
             known = json.loads(parameters)
             yield Graph(graph, query, names, known, len(steps), sum(steps), levels, created, used, self)
 
-    @without_keyboard_interrupt
+    @defer_keyboard_interrupt()
     def drop_graph(self, graph: int | None) -> None:
         """Removes a graph. Raises ExecutionError X009 where the file cannot be written."""
         try:

@@ -338,12 +338,8 @@ class Representations:
         self, form: plan.Representation, columns: tuple[str, ...], sizes: ValueSizes
     ) -> Callable[[list[Row]], Any] | None:
         """What makes such a value of rows with these columns; None where it takes more than the rows."""
-        return self._make_row_shape(form, columns, sizes) if self._shares_values(form) else None
-
-    @staticmethod
-    def _make_row_shape(
-        form: plan.Representation, columns: tuple[str, ...], sizes: ValueSizes
-    ) -> Callable[[list[Row]], Any]:
+        if not self._shares_values(form):
+            return None
         make, check, pause = SHARED_FORMS[form.name], sizes.check_value, sizes.pause
         short = ITEMS_PER_CHECK if form.name == "list" else -1  # lists without a table: 0.4 us in place of 1.2
 
@@ -361,7 +357,9 @@ class Representations:
         """
         make, columns, check = SHARED_FORMS[form.name], rows.columns, sizes.pause
         if rows.paths is None:
-            return self._make_row_shape(form, columns, sizes)(rows.rows or [])
+            shape_rows = self.find_row_shape(form, columns, sizes)
+            assert shape_rows is not None
+            return shape_rows(rows.rows or [])
         if form.name != "value":
             sizes.check_room(
                 CELL_SIZE * len(columns) * sum(iterate_with_check(measure_path_lengths(rows.paths), check))

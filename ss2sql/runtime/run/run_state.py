@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import field
-from functools import wraps
 from inspect import CO_GENERATOR
 from itertools import islice
 from math import inf
@@ -85,9 +84,7 @@ class ResultSink(NamedTuple):
 class Stats:
     """What a run has done so far. Of functions that take arrays, `calls` counts the rows that were computed."""
 
-    calls: Counter[str] = field(
-        default_factory=Counter
-    )  # of user functions by name, without those answered from memory
+    calls: Counter[str] = field(default_factory=Counter)  # of user functions, without those answered from memory
     blocks: Counter[str] = field(default_factory=Counter)  # calls of functions that take arrays
     remembered: Counter[str] = field(default_factory=Counter)  # calls that were answered from memory
     generated: int = 0  # steps that were evaluated
@@ -467,9 +464,7 @@ def _check_step_number(value: Any, word: str) -> Any:
 # every few milliseconds (`Run.check`). Where nothing can be left half done it ends at once: in a function of the user,
 # which may take long, and in the stages that only compute a value from others.
 
-PATIENCE_SECONDS = (
-    1.0  # seconds after which a second Ctrl-C ends the run wherever it is: the first one has had no effect
-)
+PATIENCE_SECONDS = 1.0  # after them a second Ctrl-C ends the run wherever it is: the first one has had no effect
 
 _OWN = "ss2sql."
 # What computes a value from others, and keeps nothing that could be left half done.
@@ -568,17 +563,6 @@ def defer_keyboard_interrupt(run: Run | None = None) -> Iterator[None]:
                 if run is None:
                     raise KeyboardInterrupt
                 run.interrupted = True
-
-
-def without_keyboard_interrupt(work: Callable[P, T]) -> Callable[P, T]:
-    """Decorator: what Ctrl-C does not break off in the middle."""
-
-    @wraps(work)
-    def call_uninterrupted(*arguments: P.args, **named: P.kwargs) -> T:
-        with defer_keyboard_interrupt():
-            return work(*arguments, **named)
-
-    return call_uninterrupted
 
 
 def close_frames(error: BaseException) -> None:

@@ -130,9 +130,8 @@ class SearchPaths(Sequence[list[Row]]):
         self._ends: list[End] = list(ends)
         self._list_all_ends = self._ends if all_ends is None else all_ends
         self._places: dict[int, int] = {}  # of steps among all results, made when first needed
-        self._idle: list[
-            _BackpointerWalk
-        ] = []  # stands where the path ends that was read last; another thread begins its own
+        # Stands where the path ends that was read last; another thread begins its own.
+        self._idle: list[_BackpointerWalk] = []
 
     def add_result(self, end: End) -> None:
         self._ends.append(end)

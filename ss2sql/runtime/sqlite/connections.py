@@ -137,22 +137,17 @@ def build_sqlite_error(error: apsw.Error | UnicodeDecodeError, *hints: str) -> E
     return ExecutionError("X009", f"SQLite: {error}", hints=hints)
 
 
-# --- files that another copy of SQLite has open in this process, such as that of Python's `sqlite3`
-# The device and the number of a file, which all its names share.
-
-
 def quote_sqlite_name(name: str) -> str:
     """A name as SQL reads it whatever characters it has."""
     return '"' + name.replace('"', '""') + '"'
 
 
-FileId: TypeAlias = tuple[int, int]
+# --- files that another copy of SQLite has open in this process, such as that of Python's `sqlite3`
+FileId: TypeAlias = tuple[int, int]  # the device and the number of a file, which all its names share
 
 POSIX = os.name == "posix"
 DESCRIPTORS = "/dev/fd"
-RETRY_SECONDS = (
-    0.002  # seconds until the second look, which descriptors of a connection just being opened or closed need
-)
+RETRY_SECONDS = 0.002  # until the second look, which descriptors of a connection just being opened or closed need
 
 _lock = threading.RLock()
 _files: weakref.WeakKeyDictionary[apsw.Connection, dict[str, FileId]] = weakref.WeakKeyDictionary()
@@ -220,9 +215,8 @@ def while_using_files(connection: apsw.Connection) -> Iterator[None]:
     finally:
         with _lock:
             for identity in set(files.values()):
-                if (
-                    len(_own_descriptors.get(identity, ())) > 1
-                ):  # descriptors of others may have been closed with the last lock
+                # Descriptors of others may have been closed with the last lock.
+                if len(_own_descriptors.get(identity, ())) > 1:
                     _forget_closed_files(identity)
 
 

@@ -26,6 +26,7 @@ from ss2sql.language.conversion import decode_text
 from ss2sql.language.kinds import Kind, Type, widen_number_type
 from ss2sql.runtime.sqlite.connections import (
     READ_ERRORS,
+    CopiedDatabase,
     attach_file,
     build_sqlite_error,
     close_file,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
 
     from ss2sql.lowering.flat import TableFilter
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
-    from ss2sql.runtime.sqlite.connections import CopiedDatabase
 
 
 _KINDS = {"null": Kind.NONE, "integer": Kind.INT, "real": Kind.FLOAT, "text": Kind.STR, "blob": Kind.OBJECT}
@@ -253,8 +253,6 @@ class Tables:
         """Makes the tables of a connection of `sqlite3` known as `name.table`, as they are when a script runs."""
         self._check_free(name)
         self._make_room(name)
-        from ss2sql.runtime.sqlite.connections import CopiedDatabase
-
         copied = CopiedDatabase(self.connection, name, source)
         copied.refresh_copy()
         self.copied[name] = copied

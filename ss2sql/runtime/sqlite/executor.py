@@ -406,30 +406,24 @@ class Database:
         interning = execution.interning
         shown = (*lowered.outputs, *lowered.keys, *lowered.orders)
         width, keys = len(lowered.outputs), len(lowered.outputs) + len(lowered.keys)
-        decode = make_decoder(interning, shown)
+        decode, most = make_decoder(interning, shown), execution.run.max_rows
         if not lowered.query.gives_paths:
             assert sink.rows is not None
             execution.results = sink.rows.__len__
             for raw in cursor:
                 row = decode(raw)
-                _append_result(execution.run, sink.rows, row[:width])
+                sink.rows.append(row[:width])
+                check_row_limit(len(sink.rows), most)
                 yield row[width:keys], row[keys:]
             return
         paths = self._iterate_paths(
             lowered, execution, sink, make_row_decoder(interning, execution.book.parts or [0] * width)
         )
-        most = execution.run.max_rows
         for raw in cursor:
             row = decode(raw[2:])
             paths.add_result((*raw[:2], *row[:width]))
             check_row_limit(len(paths), most)
             yield row[width:keys], row[keys:]
-
-
-def _append_result(run: Run, results: list[Any] | None, result: Any) -> None:
-    assert results is not None
-    results.append(result)
-    check_row_limit(len(results), run.max_rows)
 
 
 def _has_other_handle(interning: Interning, values: Mapping[str, Any]) -> bool:
