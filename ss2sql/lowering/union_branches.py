@@ -139,15 +139,14 @@ MAX_NUMBERS = 2  # of these where they are numbers
 
 @dataclass(frozen=True, slots=True)
 class UnionBranches:
-    """The only source of a search, with its items; `size` is the length of those that are lists."""
+    """The only source of a search, with its items."""
 
     source: plan.ValueSource
     items: tuple[plan.Expr, ...]
-    size: int | None
 
     def list_parts(self, expr: plan.Expr) -> tuple[plan.Column, ...]:
         """The columns that an element travels as; nothing for what does not travel as its parts."""
-        if self.size is None or not isinstance(expr, plan.Element) or expr.source != self.source.id:
+        if not isinstance(expr, plan.Element) or expr.source != self.source.id:
             return ()
         kinds = self.source.element.positions or ()
         return tuple(
@@ -192,13 +191,13 @@ def find_union_branches(query: plan.Query) -> UnionBranches | None:
     if not items or len(items) > MAX_BRANCHES or any(map(is_costly, items)):  # every clause would evaluate them
         return None
     if all(item.type.is_only(SCALAR) for item in items):
-        return UnionBranches(source, items, None)
+        return UnionBranches(source, items)
     sizes = {len(item.items) if isinstance(item, plan.MakeList) else 0 for item in items}
     parts = [part for item in items if isinstance(item, plan.MakeList) for part in item.items]
     size = sizes.pop()
     if sizes or not size or not all(part.type.is_only(SCALAR) for part in parts):
         return None
-    return None if len(source.element.positions or ()) != size else UnionBranches(source, items, size)
+    return None if len(source.element.positions or ()) != size else UnionBranches(source, items)
 
 
 def _list_branch_values(query: plan.Query, value: plan.Expr) -> tuple[plan.Expr, ...]:
