@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import math
+import pickle
 import re
 from decimal import Decimal
 from types import SimpleNamespace
@@ -366,3 +367,11 @@ def test_a_frame_or_series_may_be_set_or_given_to_a_run(ss: ss2sql.Session, engi
 def test_what_has_no_rows_cannot_be_given(ss: ss2sql.Session) -> None:
     with pytest.raises(ss2sql.SessionError, match=r"collect\(\)"):
         ss.run("SELECT * FROM log;", log=polars.LazyFrame({"x": [1]}))
+
+
+def test_a_result_over_a_frame_can_be_pickled(ss: ss2sql.Session, engine: Any) -> None:
+    ss.attach("log", pandas.DataFrame({"g": ["a", None], "x": [1.0, 2.0]}))
+    result = ss.run("SELECT * FROM log AS rows;", engine=engine)
+    copied = pickle.loads(pickle.dumps(result))
+    assert copied.value == [("a", 1.0), (None, 2.0)]
+    assert copied.sql.parameters["log"].make_value() == {"g": ["a", None], "x": [1.0, 2.0]}

@@ -56,6 +56,9 @@ def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
         condition = f"({condition}) AND level() < {5 if guard else 4}"
     one, other = nodes[0], nodes[-1]
     starts = c.pick((*(f"town = {node!r}" for node in (one, other)), f"EACH town IN {[one, other, one]}"))
+    inside = c.chance(20)  # a search for each edge, in FROM
+    if inside and c.chance(75):
+        starts = c.pick(("town = o.dst", "EACH town IN [o.src, o.dst]"))
     starts += c.pick((", day = 0", ", day = 0", ", EACH day IN [0, 1]"))
     first = c.pick(("", "", "", ", src == 0", ", km < 2"))
     connect = c.pick(("town = dst, day = day + 1", "day = day + 1, town = dst", "town = dst, day = town",
@@ -65,11 +68,14 @@ def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
     stop = c.pick(("", "", "dst == 2", "km == 3", "day == 2", *(("level() == 3", "cycle(town)") * of_path)))
     siblings = c.pick(("", "", "", " ORDER SIBLINGS BY dst", " ORDER SIBLINGS BY km DESC, dst"))
     shown, ending = _shown(c, guard, by)
-    return (
-        f"SELECT {c.pick(('', 'LAST '))}{shown} FROM edges{where and f' WHERE {where}'} "
+    search = (
+        f"SELECT {'LAST ' if inside else c.pick(('', 'LAST '))}{shown} FROM edges{where and f' WHERE {where}'} "
         f"START WITH {starts}{first} CONNECT BY {''.join(f'{option}, ' for option in options)}{condition}, "
-        f"{connect}{stop and f' STOP WITH {stop}'}{siblings}{ending}{c.pick((' AS rows', ' AS list', ' AS dict', ''))}"
-    ), edges
+        f"{connect}{stop and f' STOP WITH {stop}'}{siblings}{ending}"
+    )
+    if inside:
+        search = f"SELECT {c.pick(('o.dst, h.this', '*', 'o.km, 1'))} FROM o = edges, h = ({search})"
+    return search + c.pick((" AS rows", " AS list", " AS dict", "")), edges
 
 
 def _shown(c: Choices, guard: str, by: str) -> tuple[str, str]:

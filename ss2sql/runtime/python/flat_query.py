@@ -287,7 +287,7 @@ def place_conditions(
 # --- queries in FROM whose loops stand right inside the loops of the query around them
 def can_open_inside(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
     """Whether the loops of a query can stand in those of the query around it."""
-    if not loops_over_query_rows(query) or query.grouped or query.order or query.limit is not None:
+    if not loops_over_query_rows(query) or query.search or query.grouped or query.order or query.limit is not None:
         return False
     if len({output.name for output in query.columns}) < len(query.columns):
         return False
