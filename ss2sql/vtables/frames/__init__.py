@@ -29,6 +29,10 @@ class Column:
     def values(self) -> list[Any]:
         return self._make()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What `pickle` writes: the values, without the data frame that they are read from."""
+        return {"type": self.type, "values": self.values}
+
 
 class Frame(Typed):
     """A snapshot of a data frame. Its value is a dict of columns, its elements are the rows."""
