@@ -381,7 +381,7 @@ class Search:
         """MEMORIZE: the graph first, then its simple paths by length (or cost, or probability) and source order."""
         nodes, roots = self.graph()
         found = [
-            path for key in roots for path in self.walks((), key, nodes, (key,))
+            path for root, key in roots for path in self.walks((), root, nodes, (key,))
         ]  # a path before what continues it
         if "COST" in self.options or "PROBABILITY" in self.options:
             sign = -1 if "PROBABILITY" in self.options else 1
@@ -390,21 +390,20 @@ class Search:
             found.sort(key=len)
         return iter([self.shown(path) for path in found])
 
-    def graph(self) -> tuple[dict[Hashable, list[Step]], list[Hashable]]:
-        """The steps from each node, built breadth-first, and the nodes of the starts.
+    def graph(self) -> tuple[dict[Hashable, list[Step]], list[tuple[Hashable, Hashable]]]:
+        """The steps from each node, built breadth-first, and the nodes of the starts with their keys.
 
-        A node is a row, or a key, whose state is that of the first step to it that goes on. By rows the first step to a
-        row decides whether it stops and is a goal; with BY each step has a row, stop and goal of its own.
+        A start is a node of its own. Any other node is a row, or a key, whose state is that of the first step to it
+        that goes on. By rows the first step to a row decides whether it stops and is a goal; with BY each step has a
+        row, stop and goal of its own.
         """
         nodes: dict[Hashable, list[Step]] = {}
         firsts: dict[Hashable, Step] = {}
-        level: list[tuple[Hashable, State]] = []
-        for number, start in enumerate(self.starts):
-            key: Hashable = self.key_of_state(start) if self.reads_state else ("start", number)
-            if key not in [known for known, _ in level]:
-                level.append((key, start))
-        roots = [key for key, _ in level]
-        seen, depth = set(roots), 0
+        level: list[tuple[Hashable, State]] = [(("start", number), start) for number, start in enumerate(self.starts)]
+        roots = [(node, self.key_of_state(start) if self.reads_state else node) for node, start in level]
+        seen, depth = {key for _, key in roots}, 0
+        if len(seen) > 1:  # a path from one start may come to another
+            seen.clear()
         while level and depth != self.depth:
             following: list[tuple[Hashable, State]] = []
             for key, state in level:

@@ -37,7 +37,7 @@ def find_search_results(
     starts, function, keys, key_of, noted = task.find(*outer)
     noted = noted and NotedSearch(*noted)
     problem = Problem(
-        starts if key_of is None or search.repeats == "no cycle" else _drop_equal_starts_of_run(starts, key_of),
+        starts if key_of is None or search.repeats != "unique" else _drop_equal_starts_of_run(starts, key_of),
         function,
         search.repeats,
         likeliest=search.order == "probability",

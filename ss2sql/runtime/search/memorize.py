@@ -155,8 +155,9 @@ def build_graph_limit_error(query: plan.Query, most: int) -> ExecutionError:
 class KeyedGraph(RowGraph):
     """A graph whose steps have rows and goals of their own.
 
-    Node 0 leads to the starts, every other node is a key. A step that is a goal leads to a node of its own that goes
-    nowhere, and one that goes on to its key besides. `keys` are those to which edges lead, `shown` the rows of steps.
+    Node 0 leads to the starts. Every start is a node of its own, for its steps are first steps; every other node is a
+    key. A step that is a goal leads to a node of its own that goes nowhere, and one that goes on to its key besides.
+    `keys` are those to which edges lead, `shown` the rows of steps.
     """
 
     keys: list[Hashable] = field(default_factory=list)
@@ -197,13 +198,13 @@ def _build_keyed_graph(search_run: SearchRun) -> KeyedGraph:
     assert query.search is not None
     by_row, most = query.search.by == "row", search_run.run.max_rows
     graph = KeyedGraph(search_run.check, None if bound is None else bound + 1)
-    nodes: dict[Hashable, int] = {}
+    keys = [problem.key_of(start) if problem.visits else object() for start in problem.starts]
+    # No path comes back to a key that all starts have, so it needs no node.
+    nodes: dict[Hashable, int] = dict.fromkeys(keys, 0) if len(set(keys)) == 1 else {}
     level = []
-    for start in problem.starts:
-        node, key = graph.add_node(False), problem.key_of(start) if problem.visits else object()
-        nodes[key] = node
-        level.append((node, start))
-        graph.add_edge(node, key, (), 1 if problem.likeliest else 0, None)
+    for start, key in zip(problem.starts, keys, strict=True):
+        level.append((graph.add_node(False), start))
+        graph.add_edge(level[-1][0], key, (), 1 if problem.likeliest else 0, None)
     graph.edges[0] = range(len(level))
     first_steps: dict[Hashable, tuple[Row, bool, bool]] = {}  # to rows: these, whether they are goals and go on
     reached, depth = set[Hashable](), 0
@@ -232,6 +233,7 @@ def _build_keyed_graph(search_run: SearchRun) -> KeyedGraph:
                     graph.add_edge(nodes[key], key, row, weight, last)
             graph.edges[node] = range(first, len(graph.targets))
         level, depth = following, depth + 1
+    graph.twins = {node: nodes[key] for node, key in enumerate(keys, 1) if key in nodes}
     return graph
 
 

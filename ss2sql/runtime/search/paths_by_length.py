@@ -86,7 +86,7 @@ class DistanceWalks:
         visited = bytearray(len(goals))
         path: list[Any] = []
         nodes: list[int] = []
-        stack = [iter(self._list_edges(0))]
+        stack = [self._iterate_starts(visited)]
         while stack:
             left = length - len(stack)  # steps that are left after the next one
             distance = distances[left & 1]
@@ -121,6 +121,14 @@ class DistanceWalks:
                 if self.steps > self.trusted:
                     self.lost = True
                     return
+
+    def _iterate_starts(self, visited: bytearray) -> Iterator[tuple[Any, int]]:
+        """The edges out of the start; the twin of a node counts as visited while the paths by this edge are found."""
+        for mark, node in self._list_edges(0):
+            twin = self.graph.twins.get(node, 0)
+            visited[twin] = 1
+            yield mark, node
+            visited[twin] = 0
 
     def _list_edges(self, node: int) -> list[tuple[Any, int]]:
         """The edges out of a node that lead to a goal."""

@@ -82,7 +82,7 @@ class PathsByWeight:
             if graph.goals[target]:
                 heappush(queue, (reached, longer, False, reached, target, None, None))
             if depth + self._edge_distances[target] <= graph.longest:
-                there = (place, (), target, depth)
+                there = (place, (), graph.twins.get(target, target), depth)
                 known = remaining_path[1] if remaining_path is not None and remaining_path[0] == edge else None
                 least = self._bound_onward(target, reached) if known is None else bound
                 heappush(queue, (least, longer, True, reached, target, there, known))

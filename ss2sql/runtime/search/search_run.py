@@ -66,6 +66,7 @@ class RowGraph:
     targets: list[int] = field(default_factory=list)  # the node to which an edge leads
     weights: list[Any] = field(default_factory=list)  # cost or probability of an edge; empty where they are not needed
     lasts: list[Any] = field(default_factory=list)  # what GROUP BY and ORDER BY see of its step; likewise
+    twins: dict[int, int] = field(default_factory=dict)  # for nodes at which paths start: the one where none comes back
 
     @property
     def longest(self) -> int:
