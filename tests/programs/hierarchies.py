@@ -64,10 +64,13 @@ def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
     connect = c.pick(("town = dst, day = day + 1", "day = day + 1, town = dst", "town = dst, day = town",
                       "town = IF(day == 1; dst; src), day = day + 1"))  # fmt: skip
     of_path = not memorizes
+    said = c.pick(("level()", "prior(dst)", "[path(src), prior(level())]", "root(town)")) if c.chance(15) else ""
+    if said and of_path:
+        starts, connect = f"{starts}, said = 0", c.pick((f"said = {said}, {connect}", f"{connect}, said = {said}"))
     where = c.pick(("", "", "dst == 1", "dst != src", *(("level() == 2", "prior(dst) == None OR dst == 0") * of_path)))
     stop = c.pick(("", "", "dst == 2", "km == 3", "day == 2", *(("level() == 3", "cycle(town)") * of_path)))
     siblings = c.pick(("", "", "", " ORDER SIBLINGS BY dst", " ORDER SIBLINGS BY km DESC, dst"))
-    shown, ending = _shown(c, guard, by)
+    shown, ending = _shown(c, guard, by, said if of_path else "")
     search = (
         f"SELECT {'LAST ' if inside else c.pick(('', 'LAST '))}{shown} FROM edges{where and f' WHERE {where}'} "
         f"START WITH {starts}{first} CONNECT BY {''.join(f'{option}, ' for option in options)}{condition}, "
@@ -78,7 +81,7 @@ def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
     return search + c.pick((" AS rows", " AS list", " AS dict", "")), edges
 
 
-def _shown(c: Choices, guard: str, by: str) -> tuple[str, str]:
+def _shown(c: Choices, guard: str, by: str, said: str) -> tuple[str, str]:
     """What SELECT shows, and what comes behind."""
     if (by or not guard) and c.chance(15):
         key = c.pick(("dst", "level()", "root(src)", "leaf()"))
@@ -87,7 +90,7 @@ def _shown(c: Choices, guard: str, by: str) -> tuple[str, str]:
     columns = c.some((*ROW, *OF_PATHS), 1, 3)
     if guard and not by and not set(columns) & set(ROW):
         columns.append(c.pick(("dst", "town")))
-    return ", ".join(columns), c.pick(ENDINGS)
+    return ", ".join([*columns, *["said", "next(said)"][: 2 * bool(said)]]), c.pick(ENDINGS)
 
 
 @st.composite

@@ -8,8 +8,9 @@ before CONNECT BY changes anything else:
     root(e)    START WITH "root(e)" = None           CONNECT BY "root(e)" = IF("level()" == 1; e; "root(e)")
     path(e)    START WITH "path(e)" = None           CONNECT BY "path(e)" = a cell of "path(e)" and e
 
-`path(e)` is a linked list, so that a step costs the same on paths of any length. `next(e)` is e with the assignments of
-CONNECT BY in place of the variables, `leaf()` is a query for the next elements.
+An assignment of the script reads their values before the step, which `"level() before"` keeps: it is assigned first of
+all. `path(e)` is a linked list, so that a step costs the same on paths of any length. `next(e)` is e with the
+assignments of CONNECT BY in place of the variables, `leaf()` is a query for the next elements.
 """
 
 from __future__ import annotations
@@ -54,11 +55,12 @@ RESULT_CLAUSES = ("SELECT", "GROUP BY", "HAVING", "ORDER BY")
 class PathFunctions:
     """The path functions in the clauses of one search. `clause` is the one that is being resolved.
 
-    `variables` are the names of the hidden variables, by the function and its argument; `search` is the search as it is
-    known after CONNECT BY.
+    `variables` are the names of the hidden variables, by the function and its argument, `before` those that keep their
+    values before the step, for the assignments of CONNECT BY; `search` is the search as it is known after CONNECT BY.
     """
 
     variables: dict[tuple[str, ast.Expr | None], str] = field(default_factory=dict)
+    before: dict[str, str] = field(default_factory=dict)
     clause: str = ""
     sources: tuple[plan.Source, ...] = ()
     search: plan.Search | None = None
@@ -104,8 +106,18 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
         count = ast.Operator("add", (ast.Name("level()", span=call.span), one), span=call.span, place=call.span)
         start.append(_make_assignment_syntax("level()", one))
         connect.append(_make_assignment_syntax("level()", count))
+    if any(calls_path_function(resolver, assign.value) for assign in tree.connect):
+        found.before = {assign.name: f"{assign.name} before" for assign in start}
+        kept = [_make_assignment_syntax(found.before[a.name], ast.Name(a.name, span=a.span)) for a in start]
+        start += [replace(assign, name=found.before[assign.name]) for assign in start]
+        connect = [*kept, *connect]
     tree = replace(tree, start=(*tree.start, *start), connect=(*connect, *tree.connect))
     return tree, found
+
+
+def _get_variable(said: PathFunctions, name: str) -> str:
+    """The variable to read in the clause that is being resolved."""
+    return said.before.get(name, name) if said.clause == "CONNECT BY" else name
 
 
 def _refuse_next_inside(resolver: Resolver, word: str, argument: ast.Expr) -> None:
@@ -130,7 +142,7 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
     said = own.path_functions
     _check_path_clause(tree, said)
     key = ({"cycle": "path"}.get(tree.function, tree.function), tree.arguments[0] if tree.arguments else None)
-    name = said.variables.get(key, "")
+    name = _get_variable(said, said.variables.get(key, ""))
     if not name and tree.function not in ("next", "leaf"):
         hint = f"write {usage} outside of eval"
         raise ResolveError("R014", "a text that eval reads cannot ask for the path", tree.span, (hint,))
@@ -142,9 +154,9 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
     argument = _resolve_argument(resolver, tree, own)
     match tree.function:
         case "root":
+            itself, level = ast.Name(name, span=tree.span), _get_variable(said, "level()")
             return replace(
-                resolver.resolve_expr(_make_first_step_syntax(tree.arguments[0], ast.Name(name, span=tree.span)), own),
-                span=tree.span,
+                resolver.resolve_expr(_make_first_step_syntax(tree.arguments[0], itself, level), own), span=tree.span
             )
         case "next":
             after: plan.Expr = replace(resolve_next_call(own, argument), span=tree.span)
@@ -248,10 +260,10 @@ def _make_assignment_syntax(name: str, value: ast.Expr) -> ast.Assign:
     return ast.Assign(name, value, span=value.span, name_span=value.span)
 
 
-def _make_first_step_syntax(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
+def _make_first_step_syntax(then: ast.Expr, otherwise: ast.Expr, level: str = "level()") -> ast.Expr:
     span = then.span
-    level = (ast.Name("level()", span=span), ast.Literal(1, span=span))
-    return ast.If(ast.Operator("eq", level, span=span, place=span), (then,), (otherwise,), span=span)
+    operands = (ast.Name(level, span=span), ast.Literal(1, span=span))
+    return ast.If(ast.Operator("eq", operands, span=span, place=span), (then,), (otherwise,), span=span)
 
 
 def _is_other_search(tree: Any) -> bool:
