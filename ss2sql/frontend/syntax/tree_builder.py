@@ -463,16 +463,20 @@ class Builder(ExpressionBuilder):
     def connect(self, span: Span, *parts: Part[Any]) -> Clause:
         nodes = self._list_nodes(parts)
         self._check_commas(nodes, "CONNECT BY")
+        made = parts
         for option, value in pairwise(nodes):
             between = self.script_source.text[option.span.end : value.span.start]
             unbounded = isinstance(option, ast.Option) and option == ast.Option("MEMORIZE", None, span=option.span)
-            if unbounded and isinstance(value, ast.Name | ast.Literal) and "," not in between:
-                self._make_error("P001", f"{MEMORIZE_HINT}, not {value.span.text}", value.span,
-                            f"write MEMORIZE ({value.span.text})")  # fmt: skip
+            as_number = isinstance(value, ast.Name | ast.Literal | ast.Operator) and not _is_comparison(value)
+            if unbounded and as_number and "," not in between:
+                literal = isinstance(value, ast.Literal)  # no whole number, so one in parentheses is refused, too
+                cure = "for instance MEMORIZE 10, or MEMORIZE (n)" if literal else f"write MEMORIZE ({value.span.text})"
+                self._make_error("P001", f"{MEMORIZE_HINT}, not {value.span.text}", value.span, cure)
+                made = tuple(part for part in parts if part.node is not value)
         fields = {
             "options": tuple(node for node in nodes if isinstance(node, ast.Option)),
             "connect": tuple(node for node in nodes if isinstance(node, ast.Assign)),
-            "made": parts,
+            "made": made,
         }
         return self._make_clause("CONNECT BY", span, parts, **fields)
 
