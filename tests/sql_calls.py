@@ -22,7 +22,7 @@ def python_calls(text: str) -> set[str]:
 
 def run_shown_sql(session: ss2sql.Session, sql: Sql) -> list[tuple[Any, ...]]:
     """The rows of SQL as a result shows it, with the values beside it."""
-    database = session.host.database
+    database = session.host.prepare_database()
     database.lists.register_modules(sql.modules)
     execution = SqliteExecution(Run(session.host), calls=dict.fromkeys(database.memos, ()))
     with database._push_execution(execution):
@@ -30,5 +30,5 @@ def run_shown_sql(session: ss2sql.Session, sql: Sql) -> list[tuple[Any, ...]]:
         database.search.begin_search(execution.interning.keys)
         execution.modules.update(sql.modules)
         values = {name: _encode_parameter(execution.interning, value) for name, value in sql.parameters.items()}
-        rows = database._open_cursor(sql, sql.modules, values)
+        rows = database.guard.execute_reading(str(sql), values)
         return [tuple(map(execution.interning.decode, row)) for row in rows]
