@@ -8,6 +8,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import pandas
 import pytest
 from agreement import session_for
 from click.testing import Result
@@ -199,6 +200,15 @@ def test_runs_find_the_variables_as_the_first_one_did() -> None:
         (heat,) = raced(ss, script, BenchRules(repeat=4))
     assert [cell.rows for cell in heat.cells if cell.missing is None] == [2]
     assert len(heat.cells[1].seconds) == 4
+
+
+def test_files_race_in_the_database_too(folder: Path) -> None:
+    """Types of columns are known to the race as they are to a run."""
+    pandas.DataFrame({"g": ["a", "a", "b"], "x": [1.0, 2.0, 3.0]}).to_parquet(folder / "readings.parquet")
+    with ss2sql.connect() as ss:
+        ss.attach("readings", folder / "readings.parquet")
+        (heat,) = raced(ss, "SELECT g, max(x) FROM readings GROUP BY g;")
+    assert [(cell.missing, cell.rows) for cell in heat.cells] == [(None, 2), (None, 2)]
 
 
 def test_a_search_inside_of_an_expression_races_engines_only() -> None:

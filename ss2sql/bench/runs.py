@@ -19,17 +19,16 @@ from ss2sql.bench.raced_strategies import RacedStrategy, list_strategies, parse_
 from ss2sql.conformance.check_world import tag_checked_value
 from ss2sql.errors import Cancelled, Error, OutOfSteps, SessionError, Source, Stopped, Timeout, UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.frontend.resolve.resolver import resolve
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.language import plan
-from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import describe_unnamed, walk
 from ss2sql.language.values import make_hashable
 from ss2sql.results import count_words, cut_text, get_result_paths
 from ss2sql.results.result import Result
+from ss2sql.runtime.run.run_state import Run
 from ss2sql.session.compiled_query import Engine
-from ss2sql.session.compiled_script import Query
+from ss2sql.session.compiled_script import Query, run_in_session
 from ss2sql.session.session import Session
 from ss2sql.session.variables import Variables
 
@@ -215,10 +214,14 @@ class BenchResult:
 def compile_raced_statement(session: Session, statement: ast.Expr, engine: Engine) -> Query:
     """One statement, compiled for an engine. Raises the errors of compilation, such as UnsupportedError."""
     tree = ast.Script((statement,), span=statement.span)
-    program = retry_with_stack(lambda: resolve(tree, session.host.make_catalog()))
-    query = Query(session.host, session.execute, tree, program, engine)
-    query.statements()
-    return query
+
+    def compile_in_run(_: Run) -> Query:  # in which columns of files are read, so that their types are known
+        program = session.host.resolve_script(tree, {}, "wrong")
+        query = Query(session.host, session.execute, tree, program, engine)
+        query.statements()
+        return query
+
+    return run_in_session(session.host, compile_in_run)
 
 
 def time_statement(session: Session, query: Query, settings: BenchRules, cell: BenchResult) -> Result:
@@ -418,7 +421,7 @@ def make_runs(session: Session, source: Source, rules: BenchRules) -> Iterator[S
     Raises SessionError S002 where there is no query, and what compiling and running the script raises.
     """
     tree = parse(source)
-    program = retry_with_stack(lambda: resolve(tree, session.host.make_catalog()))
+    program = session.host.resolve_script(tree, {}, "wrong")
     raced = _select_searches([statement.expr for statement in program.statements])
     for number, statement in enumerate(tree.statements[: raced[-1] + 1]):
         if number in raced:
