@@ -43,6 +43,7 @@ def data(size: int) -> dict[str, Any]:
         "mixed": [n if n % 3 else str(n) for n in range(size)],
         "staff": [{"name": n, "boss": (n - 1) // 2 if n else None} for n in range(size)],
         "groups": [{"k": n % 5, "x": n * 7 % size} for n in range(size)],
+        "stops": [{"k": n % 5, "a": n, "x": n} for n in range(size)],
         "halves": [{"x": n / 2 if n % 2 else n} for n in range(size)],
         "things": list(map(Thing, range(size))),
         "tree": [[(n - 1) // 2, n] for n in range(1, size)],

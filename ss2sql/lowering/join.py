@@ -398,6 +398,8 @@ class JoinBuilder:
                 if size is not None and size < MIN_INDEXED_LENGTH:
                     return None
                 strip_affinity(conditions, label, self.selects.tables)
+                if not computed and not several and self._has_narrow_range(source, conditions, label):
+                    return None  # `elements` looks up both
                 walked = item.copy()
                 if not computed:  # which read it by its label
                     walked.set("alias", None)
@@ -412,6 +414,20 @@ class JoinBuilder:
         terms.append(ordered)
         needs.applied["lookup"] = None
         return found
+
+    def _has_narrow_range(self, source: plan.Source, conditions: Sequence[Node], label: str) -> bool:
+        """Whether other rows bound a column from both sides, or from one where LIMIT ends a walk in its order."""
+        ends = set[tuple[str, bool]]()
+        for condition in (one.unnest() for one in conditions):
+            if isinstance(condition, (exp.LT, exp.LTE, exp.GT, exp.GTE)):
+                below = isinstance(condition, (exp.LT, exp.LTE))
+                sides = (condition.this, condition.expression, below), (condition.expression, condition.this, not below)
+                for column, other, upper in sides:
+                    if isinstance(column, exp.Column) and column.table == label and find_labels(other) - {label}:
+                        ends.add((column.name, upper))
+        first = self.query.order[0].expr if self.query.order and self.query.limit is not None else None
+        walked = first.name if isinstance(first, plan.Column) and first.source == source.id else None
+        return any((name, not upper) in ends or name == walked for name, upper in ends)
 
 
 def _can_split_rows(source: plan.Source, keys: Sequence[Node]) -> bool:

@@ -4,8 +4,9 @@ A condition `key == other`, where the key is a column or is computed of one sour
 known before the loop of that source, needs no loop over all elements: an index gives those whose key equals the value.
 It is built when it is first needed, for several keys of a source together. Where a key or what it must equal may raise,
 the condition is tested all the same, of the elements that are found; where it does raise, that is of all elements, so
-that it raises again if the script comes there. A condition of order that cannot raise, `key <= other`, is looked up in
-the order of the numbers that the keys are, and tested again.
+that it raises again if the script comes there. Conditions of order that cannot raise, `key <= other`, are looked up in
+the order of the numbers that the keys are, among the rows that equalities find, and tested again. Of several keys the
+one that leaves the fewest rows is taken, for each value anew.
 
 What walks over the table of a world are keys, and columns are read of them when they are needed. Conditions that the
 adapter gets (`push_condition_to_world` in source_loops.py) only save rows; all are tested again.
@@ -177,38 +178,52 @@ def index_rows_by_members(rows: list[Any], keys_of: Callable[[list[Any]], Iterab
 
 
 class RangeIndex:
-    """The rows of a source, in which ranges of their keys are looked up. All are found where these are no numbers."""
+    """Rows in which ranges of keys are looked up: those of a source, or those of them that an equality finds.
 
-    def __init__(self, rows: list[Any], keys_of: Callable[[list[Any]], Iterable[Any]]) -> None:
-        self.rows = rows
-        self.keys = list(keys_of(rows))
-        self.orders: dict[bool, KeyOrder | None] = {}
+    Each list of rows is put in order when it is first asked for; it lives as long as this does.
+    """
 
-    def find_rows(self, operators: Sequence[str], values: Sequence[Any]) -> Sequence[Any]:
-        """The rows whose keys meet comparisons with these values, and maybe more, in their order."""
-        order = self._get_order(False) if len(self.rows) >= MIN_LENGTH else None
-        if order is None:
-            return self.rows
-        start, end = order.find_bounds(operators, values)
-        if order.ascends:
-            return self.rows[start:end]
-        return [self.rows[place] for place in sorted(order.places[start:end])]
+    def __init__(self, descending: bool, *keys_of: Callable[[Sequence[Any]], Iterable[Any]]) -> None:
+        self.descending = descending
+        self.keys_of = keys_of
+        self.made: dict[int, tuple[Sequence[Any], list[KeyOrder | None]]] = {}
+
+    def find_rows(self, rows: Sequence[Any], *asked: tuple[Sequence[str], Sequence[Any]]) -> Sequence[Any]:
+        """The rows whose keys meet comparisons by these operators with these values, and maybe more, in their order.
+
+        `asked` has the comparisons of each key: the one that leaves the fewest rows is looked up, none where there are
+        no numbers.
+        """
+        if len(rows) < MIN_LENGTH:
+            return rows
+        start, end, chosen = 0, len(rows), None
+        for order, comparisons in zip(self._get_orders(rows), asked, strict=True):
+            if order is not None:
+                first, last = order.find_bounds(*comparisons)
+                if chosen is None or last - first < end - start:
+                    start, end, chosen = first, last, order
+        if chosen is None or chosen.ascends:
+            return rows[start:end]
+        return [rows[place] for place in sorted(chosen.places[start:end])]
 
     def find_rows_in_order(
-        self, asked: RowOrder, descending: bool, operators: Sequence[str], values: Sequence[Any]
+        self, rows: Sequence[Any], asked: RowOrder, operators: Sequence[str], values: Sequence[Any]
     ) -> Iterable[Any]:
-        """The same, one after the other in the order of their keys; says whether they are."""
-        order = self._get_order(descending)
+        """The same for a single key, one after the other in the order of it; says whether they are."""
+        (order,) = self._get_orders(rows)
         asked.kept = order is not None
         if order is None:
-            return self.rows
+            return rows
         places = map(order.places.__getitem__, range(*order.find_bounds(operators, values)))
-        return map(self.rows.__getitem__, places)
+        return map(rows.__getitem__, places)
 
-    def _get_order(self, descending: bool) -> KeyOrder | None:
-        if descending not in self.orders:
-            self.orders[descending] = order_numbers(self.keys, descending)
-        return self.orders[descending]
+    def _get_orders(self, rows: Sequence[Any]) -> list[KeyOrder | None]:
+        """The order of the rows by each key, None where they are no numbers."""
+        known = self.made.get(id(rows))
+        if known is None:
+            orders = [order_numbers(list(keys_of(rows)), self.descending) for keys_of in self.keys_of]
+            known = self.made[id(rows)] = rows, orders
+        return known[1]
 
 
 def index_column(rows: list[Any], value: int, position: int) -> RowIndex:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import takewhile
+from itertools import chain, takewhile
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.language import plan
@@ -86,7 +86,7 @@ class SourceLoops:
         self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
         self.items: dict[int, str] = {}  # by source: what is read once
         self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
-        self.ranges: dict[int, list[RangeLookup]] = {}  # by source: what its loop looks up in the order of a key
+        self.ranges: dict[int, list[list[RangeLookup]]] = {}  # by source: what it looks up in the order of each key
         self.world_conditions: dict[int, list[WorldCondition]] = {}  # by source: what a world is told of conditions
         self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
         self.stages: CallStages | None = None  # where functions that take arrays are called
@@ -141,10 +141,13 @@ class SourceLoops:
         return True
 
     def plan_range(self, condition: RangeLookup) -> None:
-        """Plans the same of a condition of order, which is tested all the same; a source is looked up by one key."""
+        """Plans the same of a condition of order, which is tested all the same."""
         if self._can_look_up(condition):
-            known = self.ranges.setdefault(condition.source, [])
-            if not known or self._is_same(known[0].key, condition.key):
+            ranges = self.ranges.setdefault(condition.source, [])
+            known = next((one for one in ranges if self._is_same(one[0].key, condition.key)), None)
+            if known is None:
+                ranges.append([condition])
+            else:
                 known.append(condition)
 
     def _is_same(self, one: plan.Expr, other: plan.Expr) -> bool:
@@ -207,7 +210,7 @@ class SourceLoops:
             if index == guarded:
                 self._skip_empty_sources(body, self.sources[index:])
             read: list[Any] = [] if source.id in self.items else [source]
-            read += [one.other for one in (*self.lookups.get(source.id, ()), *self.ranges.get(source.id, ()))]
+            read += [one.other for one in (*self.lookups.get(source.id, ()), *chain(*self.ranges.get(source.id, ())))]
             body = self._stage_calls(self._test_conditions(body, conditions.get(index, ())), read)
             if body.level == MAX_LOOPS:
                 body = self._start_inner_function(body)
@@ -248,7 +251,7 @@ class SourceLoops:
             items = self._list_elements(source, body)
         if source.id in self.lookups:
             items = self._look_up_source(source, items, body)
-        elif source.id in self.ranges:
+        if source.id in self.ranges:
             items = self._look_up_range(source, items, body)
         name = codegen.names[source.id] = codegen.new_name(source.name)
         names = (name, codegen.keys.get(source.id))
@@ -428,24 +431,27 @@ class SourceLoops:
         return build.name(found)
 
     def _look_up_range(self, source: plan.Source, items: ast.expr, body: PythonScope) -> ast.expr:
-        """The elements whose key is within the bounds, in the order that the query asks for where that is the key's."""
+        """Those of the items whose keys are within bounds, in the order of a key where the query asks for it."""
         codegen, ranges = self.builder.codegen, self.ranges[source.id]
-        build = codegen.build_at(ranges[0].key.span)
-        keys_of = self._write_keys_function(source, [ranges[0].key], build)
-        made = build.call(codegen.use(RangeIndex), items, keys_of)
-        index = body.compute_once(self.builder.get_source_facts(source), made, build, "index")
-        operators = build.pack(*(build.constant(one.operator) for one in ranges))
-        bounds = build.pack(*(generate_expression(self.builder, one.other, body) for one in ranges))
-        if not self._is_ordered_by(ranges[0].key):
-            return build.express("index.find_rows(operators, bounds)", index=index, operators=operators, bounds=bounds)
+        ordered = [known for known in ranges if self._is_ordered_by(known[0].key)]
+        ranges = ordered or ranges
+        build = codegen.build_at(ranges[0][0].key.span)
+        keys_of = [self._write_keys_function(source, [known[0].key], build) for known in ranges]
+        descending = build.constant(bool(ordered) and self.query.order[0].descending)
+        made = build.call(codegen.use(RangeIndex), descending, *keys_of)
+        index = body.compute_once(self.builder.get_source_facts(source), made, build, "ranges")
+        asked = [
+            (
+                build.pack(*(build.constant(one.operator) for one in known)),
+                build.pack(*(generate_expression(self.builder, one.other, body) for one in known)),
+            )
+            for known in ranges
+        ]
+        if not ordered:
+            return build.call(build.part(index, "find_rows"), items, *(build.pack(*one) for one in asked))
         order = codegen.bind(("row order", self.query.id), "row_order", build.express("order()", order=RowOrder), build)
         codegen.row_orders[self.query.id] = order
-        descending, text = (
-            self.query.order[0].descending,
-            "index.find_rows_in_order(order, descending, operators, bounds)",
-        )
-        words = {"index": index, "operators": operators, "bounds": bounds}
-        return build.express(text, order=order, descending=descending, **words)
+        return build.call(build.part(index, "find_rows_in_order"), items, build.name(order), *asked[0])
 
     def _is_ordered_by(self, key: plan.Expr) -> bool:
         """Whether the rows of the query are wanted in the order of a key of its only source, up to LIMIT."""
@@ -468,12 +474,14 @@ class SourceLoops:
         """The index by keys."""
         lookups = self.lookups[source.id]
         make_index = index_rows_by_members if lookups[-1].several else index_rows
-        keys_of = self._write_keys_function(source, [one.key for one in lookups], build)
+        keys_of = self._write_keys_function(source, [one.key for one in lookups], build, lookups)
         return build.call(self.builder.codegen.use(make_index), items, keys_of)
 
-    def _write_keys_function(self, source: plan.Source, keys: Sequence[plan.Expr], build: AstBuilder) -> ast.expr:
-        """A function that computes the keys of rows."""
-        codegen, lookups = self.builder.codegen, self.lookups.get(source.id, [])
+    def _write_keys_function(
+        self, source: plan.Source, keys: Sequence[plan.Expr], build: AstBuilder, lookups: Sequence[Lookup] = ()
+    ) -> ast.expr:
+        """A function that computes the keys of rows, of lookups where these are theirs."""
+        codegen = self.builder.codegen
         name, before = codegen.new_name(source.name), codegen.names.get(source.id)
         rows = codegen.new_name("rows")
         body = PythonScope(codegen, codegen.new_name("keys_of"), [rows], codegen.root)
