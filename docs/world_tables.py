@@ -6,7 +6,7 @@ from inspect import signature
 
 from writing import sentence, table
 
-from ss2sql.session.variables import describe_table_columns
+from ss2sql.session.descriptions import describe_table_columns
 from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
 from ss2sql.vtables.contract import World
 

@@ -155,6 +155,8 @@ def test_maximum_timeout_and_too_little_memory() -> None:
     ("line", "stdin", "code", "printed", "told"),
     [("run - --format json", "SELECT this FROM [1, 2] AS list;", 0, "[1, 2]\n", ""),
      ("run -", "SELECT this FROM\nnowhere;", 1, "", " --> <stdin>:2:1\n"),
+     ("run --format csv", "SELECT this FROM [1];", 0, "this\n1\n", ""),
+     ("run --format csv -c n=2 -e n", None, 0, "value\n2\n", ""),
      ("run query.ss --engine oracle", None, 2, "", "Usage:")],
 )  # fmt: skip
 def test_as_a_process(line: str, stdin: str | None, code: int, printed: str, told: str) -> None:

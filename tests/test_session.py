@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas
 import pytest
 from sessions import code_of, write
 
@@ -167,3 +168,23 @@ def test_what_is_no_value_is_refused_by_name(ss: ss2sql.Session, value: Any) -> 
     assert code_of(ss.run, "SELECT this FROM x;") == "X004"
     assert code_of(ss.run, "x;", x=value) == "X004"
     assert ss.eval("1 + 1;") == 2
+
+
+def test_tables_are_all_that_from_finds(ss: ss2sql.Session) -> None:
+    ss.host.connection.execute("CREATE TABLE staff(id INTEGER)")
+    ss.set("xs", [{"a": 1, "b": "x"}, {"a": 2.5, "b": None}])
+    ss.set("n", 3)
+    ss.attach("log", pandas.DataFrame({"t": [1.5]}))
+    ss.attach("empty", [])
+    found = {name: (about.kind, about.columns, about.rows) for name, about in ss.tables().items()}
+    assert found == {
+        "staff": ("table", ("id",), None),
+        "xs": ("list", ("a", "b"), 2),
+        "log": ("data frame", ("t",), 1),
+        "empty": ("list", ("this",), 0),
+    }
+    assert ss.describe("xs") == "FROM xs\n  a  int or float 1..2.5\n  b  none or str"
+    assert ss.describe("log") == "FROM log\n  t  float 1..2"
+    assert ss.describe("n") == "FROM n\n  this  int 3..3"
+    with pytest.raises(ss2sql.SessionError, match="did you mean 'log'"):
+        ss.describe("lag")

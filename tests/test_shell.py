@@ -188,6 +188,7 @@ def test_what_does_not_exist(line: str, told: str, shell: Shell, capsys) -> None
 
 def test_variables_functions_tables_and_objects(shell: Shell, capsys, folder: Path, staff: Path) -> None:
     assert said(shell, ".variables", capsys)[0].startswith("there are no variables")
+    assert said(shell, ".tables", capsys)[0].startswith("FROM finds nothing yet")
     said(shell, ".set start [[2, 1], [], []]\n.set name Ada", capsys)
     assert shell.session.variables() == {"name": "Ada", "start": [[2, 1], [], []]}
     assert [line.split()[0] for line in said(shell, ".variables", capsys)[0].splitlines()] == ["name", "start"]
@@ -198,9 +199,9 @@ def test_variables_functions_tables_and_objects(shell: Shell, capsys, folder: Pa
     for start in ("len(x)", "plane("):
         assert any(line.startswith(start) for line in lines)
     assert said(shell, ".functions twice", capsys)[0].split() == ["twice(x)", "Twice", "the", "value."]
-    assert said(shell, ".tables", capsys)[0].startswith("there are no tables")
+    assert said(shell, ".tables", capsys)[0].split() == ["start", "this"]
     assert said(shell, ".attach work data.db", capsys) == ("", "tables: work.chiefs, work.staff\n")
-    assert said(shell, ".tables", capsys)[0].split() == ["work.chiefs", "name", "work.staff", "id,", "boss,", "name"]
+    assert said(shell, ".tables", capsys)[0].split()[:5] == ["work.chiefs", "name", "work.staff", "id,", "boss,"]
     assert said(shell, ".tables work.staff", capsys)[0].splitlines()[0] == "FROM work.staff"
     assert "│ Ada  │" in said(shell, "SELECT name FROM work.staff;", capsys)[0]
     (folder / "somewhere.py").write_text("people = [{'name': 'Ada'}]\n")

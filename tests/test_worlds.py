@@ -90,7 +90,7 @@ def test_help_and_describe_come_from_the_declarations(ss: ss2sql.Session) -> Non
     assert "  push      Moves the ball and gives its new place. (volatile)" in text
     assert "mass(this): how heavy it is [kg]" in ss.eval('help("mass");')
     assert ss.describe("space.gaps").splitlines()[0] == "FROM space.gaps(id, most=1000000000.0)"
-    assert ss.tables()["space.gaps(id, most=1000000000.0)"] == ("a", "b", "gap")
+    assert ss.tables()["space.gaps(id, most=1000000000.0)"].columns == ("a", "b", "gap")
     assert code_of(ss.describe, "spce") == "S002"
 
 

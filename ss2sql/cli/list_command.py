@@ -14,7 +14,7 @@ from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
 from ss2sql.errors import CODES, suggest_names
 
 if TYPE_CHECKING:
-    from ss2sql.session.variables import FunctionAbout
+    from ss2sql.session.descriptions import FunctionAbout
 
 
 Entry: TypeAlias = dict[str, str]  # the first value is the name, the last may be long
@@ -34,12 +34,12 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
     """The entries of a topic, with those of the user's inputs."""
     match topic:
         case "functions":
-            from ss2sql.session.variables import describe_functions
+            from ss2sql.session.descriptions import describe_functions
 
             with inputs.open_session() as session:
                 yield from map(_make_function_entry, describe_functions(session.host).values())
         case "representations":
-            from ss2sql.session.variables import describe_representations
+            from ss2sql.session.descriptions import describe_representations
 
             with inputs.open_session() as session:
                 for name, entry in describe_representations(session.host).items():

@@ -57,6 +57,10 @@ LIMITS = (
 )  # fmt: skip
 
 
+def _build_missing_script_error() -> click.UsageError:
+    return click.UsageError("give a script: a FILE, - or a pipe for standard input, or -e TEXT", _get_click_context())
+
+
 @dataclass(frozen=True, slots=True)
 class ScriptInputs:
     """The values of the options: what scripts may use, their parameters and limits, and the script, if any."""
@@ -75,19 +79,23 @@ class ScriptInputs:
 
     @property
     def script(self) -> str | Path | Source:
-        """The script; standard input is read each time."""
-        if (self.file is None) == (not self.texts):
-            raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _get_click_context())
-        if self.file is None:
+        """The script; standard input, which may be a pipe that nothing names, is read each time."""
+        missing = self.file is None and not self.texts
+        if (self.file is not None and self.texts) or (missing and sys.stdin.isatty()):
+            raise _build_missing_script_error()
+        if self.texts:
             return "\n;\n".join(self.texts)
-        if self.file != "-":
-            return Path(self.file)
+        if self.file not in (None, "-"):
+            return Path(str(self.file))
         from ss2sql.frontend.syntax.tokenizer import read_script
 
         try:
-            return read_script(sys.stdin.buffer, "<stdin>")
+            script = read_script(sys.stdin.buffer, "<stdin>")
         except (UnicodeDecodeError, OSError) as error:
             raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
+        if missing and not script.text.strip():
+            raise _build_missing_script_error()
+        return script
 
     def open_session(self, progress: bool | None = None) -> Session:
         """A session with all of it; by default progress is shown on a terminal."""
@@ -129,7 +137,7 @@ add_uses_options = take_inputs(*USES_OPTIONS)
 add_session_options = take_inputs(*USES_OPTIONS, PARAMETER, *LIMITS)  # where the scripts come later
 add_script_options = take_inputs(
     click.argument("file", required=False, type=click.Path(dir_okay=False, allow_dash=True)),
-    click.option("-e", "--execute", "texts", multiple=True, help="The script in place of a file; several in order."),
+    click.option("-e", "-c", "--execute", "texts", multiple=True, help="The script itself; several run in order."),
     *USES_OPTIONS,
     PARAMETER,
     *LIMITS,

@@ -44,12 +44,13 @@ from ss2sql.session.compiled_script import (
     set_session_deadline,
 )
 from ss2sql.session.host import SessionHost, with_session_lock
-from ss2sql.session.variables import TemporalFile, Trigger, describe_attached_table, list_tables
+from ss2sql.session.variables import TemporalFile, Trigger
 from ss2sql.vtables.contract import find_adapter, make_attachable, refuse_without_adapter
 from ss2sql.vtables.frames import convert_given_value, find_reader
 
 if TYPE_CHECKING:
     from ss2sql.runtime.graph_cache.graph_store import Graphs
+    from ss2sql.session.descriptions import TableAbout
 
 
 BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
@@ -308,22 +309,29 @@ class Session:
         self.host.names.forget_name(name)
 
     @with_session_lock
-    def tables(self) -> dict[str, tuple[str, ...]]:
-        """The columns of each table that FROM finds, in the database and in worlds; none of an unreadable view."""
+    def tables(self) -> dict[str, TableAbout]:
+        """What FROM finds, by its name: tables of databases and worlds, data frames and lists.
+
+        Each has its `kind`, its `columns`, none of an unreadable view, and the number of its `rows` where it is known.
+        """
+        from ss2sql.session.descriptions import list_tables
+
         self._check_open()
         return list_tables(self.host)
 
     def describe(self, name: str) -> str:
-        """The columns of a table; of a world those of all its tables, with units and texts, and its functions.
+        """The columns of what FROM finds under a name; of a world all its tables, with units and texts, and functions.
 
         Raises SessionError S002 where there is none of the name; Timeout and Cancelled, for it looks at all rows.
         """
 
         def describe_in_run(run: Run) -> str:
+            from ss2sql.session.descriptions import describe_source
+
             self._check_open()
             check_is_string(name)
             set_session_deadline(run, self.host, self.timeout)
-            return describe_attached_table(self.host, name)
+            return describe_source(self.host, name)
 
         return run_in_session(self.host, describe_in_run)
 

@@ -13,19 +13,15 @@ import json
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
-from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import apsw
 
 from ss2sql.errors import ExecutionError, SessionError, note_on_exception, suggest_names
 from ss2sql.errors.exceptions import escape_controls
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, Type, type_of
-from ss2sql.language.operations import WRITTEN
-from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import UNSET, convert_value, copy_for_python, format_value, make_hashable
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
@@ -35,7 +31,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_sources import DuckSources
     from ss2sql.session.compiled_script import Query
     from ss2sql.session.host import SessionHost
-    from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
+    from ss2sql.vtables.attached_worlds import AttachedWorld
 
 
 # --- the variables of a session: what scripts assign, what Python sets or attaches, and temporal variables
@@ -409,136 +405,7 @@ class Triggers:
         return sum(trigger.run_if_due(now) for trigger in list(self.all))
 
 
-# --- what scripts see beside variables: print, help, var, clear, getTime, and descriptions of worlds and tables
-def describe_world(world: AttachedWorld) -> str:
-    """The tables of a world with columns, types, units, filters and texts, and its functions."""
-    about = world.world.text or type(world.world).__doc__ or type(world.world).__name__
-    lines = [f"{world.name}: {take_first_line(about)}"]
-    for table in world.tables.values():
-        lines += ["", *describe_table_lines(table)]
-    if world.functions:
-        lines += ["", "functions"]
-        width = max(map(len, world.functions))
-        for name, (method, volatility) in world.functions.items():
-            lines.append(f"  {name:<{width}}  {take_first_line(method.__doc__)} ({volatility})")
-    return "\n".join(line.rstrip() for line in lines)
-
-
-def describe_table_lines(table: AttachedWorldTable) -> Iterator[str]:
-    schema = table.schema
-    text = table.table.text or (f"elements of {schema.walked.name}" if schema.walked else "")
-    yield f"FROM {describe_table_call(table)}" + (f": {text}" if text else "")
-    rows = list(describe_table_columns(table))
-    widths = [max(len(row[place]) for row in rows) for place in range(4)]
-    for row in rows:
-        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
-        yield "  " + "  ".join([*cells, row[4]]).rstrip()
-
-
-def describe_table_columns(table: AttachedWorldTable) -> Iterator[tuple[str, str, str, str, str]]:
-    """The columns of a table: name, type, unit, the comparisons that the world can use, text."""
-    from ss2sql.vtables.schema import format_declared_type
-
-    for column in table.schema.columns:
-        yield column.name, format_declared_type(column.type), column.unit, column.filter, column.text
-
-
-def list_tables(host: SessionHost) -> dict[str, tuple[str, ...]]:
-    """The columns of the tables of databases and of worlds, by their names in FROM.
-
-    A view that cannot be read, because one of its tables is gone, has none.
-    """
-    found: dict[str, tuple[str, ...]] = {}
-    tables, worlds, others = host.tables, host.names.worlds, host.names.others
-    tables.refresh_copies()
-    for name in tables.list_names():
-        found[name] = tables.list_columns(name)
-    if others is not None:
-        for name in others.list_names():
-            found.setdefault(name, tuple(column for column, _ in others.describe_table(name)))
-    for world in worlds.values():
-        found.update((describe_table_call(table), tuple(table.schema.kinds)) for table in world.tables.values())
-    return found
-
-
-def describe_attached_table(host: SessionHost, name: str) -> str:
-    """The description of a world or a table. Raises SessionError S002 for an unknown name."""
-    tables, worlds, others = host.tables, host.names.worlds, host.names.others
-    owner, _, rest = name.partition(".")
-    if owner in worlds and not rest:
-        return describe_world(worlds[owner])
-    if owner in worlds and rest in worlds[owner].tables:
-        return "\n".join(describe_table_lines(worlds[owner].tables[rest]))
-    source = tables.find_table(owner, rest) if rest else tables.find_table(None, name)
-    columns = source.columns if source is not None else () if others is None else others.describe_table(name)
-    if not columns:
-        known = [*worlds, *tables.list_names(), *(() if others is None else others.list_names())]
-        known += [table.title for world in worlds.values() for table in world.tables.values()]
-        raise SessionError("S002", f"there is no world or table '{name}'", hints=suggest_names(name, known))
-    width = max(len(column) for column, _ in columns)
-    return "\n".join([f"FROM {name}", *(f"  {column:<{width}}  {format_type(kind)}" for column, kind in columns)])
-
-
-def describe_table_call(table: AttachedWorldTable) -> str:
-    """The name of a table in FROM, with the parameters of a table function."""
-    return f"{table.world_name}.{table.schema.signature}" if table.schema.parameters else table.title
-
-
-def take_first_line(text: str | None) -> str:
-    return ((text or "").strip().splitlines() or [""])[0]
-
-
-@dataclass(frozen=True, slots=True)
-class FunctionAbout:
-    """A function or representation: how it is called, its parameters as they are written, and a line about it.
-
-    A representation without parameters has None; `reason` is why a function of the user has its volatility.
-    """
-
-    name: str
-    call: str
-    parameters: tuple[str, ...] | None
-    about: str
-    volatility: str = ""
-    reason: str = ""
-
-
-def describe_functions(host: SessionHost) -> dict[str, FunctionAbout]:
-    """All functions that scripts can call by their names, the user's own first."""
-    found = {}
-    for name, entry in sorted({**host.world_functions, **host.functions}.items()):
-        parameters, about = _list_parameters(entry.function, 0), take_first_line(entry.function.__doc__)
-        call = f"{name}({', '.join(parameters)})"
-        found[name] = FunctionAbout(name, call, parameters, about, entry.volatility, entry.reason)
-    for name, row in sorted(WRITTEN.items()):
-        inside = row.call.rpartition("(")[2].rstrip(")")  # the parameters of its longest call
-        parameters = tuple(inside.split(", ")) if inside else ()
-        found.setdefault(name, FunctionAbout(name, row.call, parameters, row.about, row.volatility))
-    return found
-
-
-def describe_representations(host: SessionHost) -> dict[str, FunctionAbout]:
-    """The names after AS."""
-    found = {}
-    for name, make in host.shapes.functions.items():
-        parameters = _list_parameters(make, 1)
-        call = f"{name}({', '.join(parameters)})" if parameters else name
-        found[name] = FunctionAbout(name, call, parameters or None, take_first_line(make.__doc__).rstrip("."))
-    return found
-
-
-def _list_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
-    try:
-        parameters = list(signature(function).parameters.values())[skipped:]
-    except (TypeError, ValueError):  # functions in C may have no signature
-        return ("...",)
-    return tuple(str(one.replace(annotation=one.empty)) for one in parameters)
-
-
-def _write_about(entry: FunctionAbout) -> str:
-    return f"{entry.about or 'registered'} ({entry.volatility}: {entry.reason})" if entry.reason else entry.about
-
-
+# --- what scripts see beside variables: print, help, var, clear, getTime
 class SessionFunctions:
     """Methods named after the functions of the language."""
 
@@ -563,16 +430,18 @@ class SessionFunctions:
         return values[-1] if values else None
 
     def _help(self, name: Any = None) -> str:
+        from ss2sql.session.descriptions import describe_functions, describe_world, write_about
+
         world = next((known for known in self.host.names.worlds.values() if name in (known.world, known.name)), None)
         if world is not None and name not in self.host.functions:
             return describe_world(world)
         known = describe_functions(self.host)
         if name is None:
-            return "\n".join(f"{known[one].name:<12} {_write_about(known[one])}" for one in sorted(known))
+            return "\n".join(f"{known[one].name:<12} {write_about(known[one])}" for one in sorted(known))
         if type(name) is not str or name not in known:  # a list could not even be looked up
             hints = suggest_names(str(name), known) or ("help() lists all of them",)
             raise ExecutionError("X007", f"there is no function '{name}'", hints=hints)
-        return f"{known[name].call}: {_write_about(known[name])}"
+        return f"{known[name].call}: {write_about(known[name])}"
 
     def _var(self, name: str | None = None) -> Any:
         if name is None:

@@ -21,7 +21,7 @@ from ss2sql.frontend.syntax.parse_failure import ParseFailure
 from ss2sql.frontend.syntax.parser import run_automaton
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
 from ss2sql.frontend.syntax.tree_builder import Builder
-from ss2sql.session.variables import FunctionAbout
+from ss2sql.session.descriptions import FunctionAbout
 from ss2sql.shell.dot_commands import COMMANDS, SETTINGS
 from ss2sql.shell.statement_splitter import find_statement_at
 from ss2sql.shell.symbols import SymbolTable

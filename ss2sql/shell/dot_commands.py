@@ -18,8 +18,8 @@ from ss2sql.errors import require_package, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value as written
 from ss2sql.results import cut_text
+from ss2sql.session.descriptions import FunctionAbout
 from ss2sql.session.session import read_script_source
-from ss2sql.session.variables import FunctionAbout
 from ss2sql.shell.symbols import SymbolTable
 
 if TYPE_CHECKING:
@@ -180,15 +180,12 @@ def _run_dot_help(shell: Shell, name: str) -> None:
 
 
 def _run_dot_tables(shell: Shell, name: str) -> None:
-    symbols = SymbolTable(shell.session)
     if name:
         print_line(shell.session.describe(name))
-    elif not symbols.tables:
-        print_line("there are no tables; .attach NAME FILE.db brings those of a SQLite file\n"
-                  "lists and data frames are variables: .variables")  # fmt: skip
-    else:
-        names = {table: ", ".join(symbols.list_columns(table.partition("(")[0])) for table in symbols.tables}
-        print_line("\n".join(_align_dot_columns(names.items(), cut=True)))
+        return
+    names = {table: ", ".join(about.columns) for table, about in shell.session.tables().items()}
+    empty = "FROM finds nothing yet; .attach NAME FILE.db brings the tables of a SQLite file"
+    print_line("\n".join(_align_dot_columns(names.items(), cut=True)) or empty)
 
 
 def _run_dot_functions(shell: Shell, name: str) -> None:

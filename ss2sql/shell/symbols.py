@@ -15,7 +15,7 @@ from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATOR_FUNCTIONS
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.results import cut_script
-from ss2sql.session.variables import (
+from ss2sql.session.descriptions import (
     FunctionAbout,
     describe_functions,
     describe_representations,

@@ -48,7 +48,7 @@ def test_tables_and_views_have_their_names(ss: ss2sql.Session, own: Any) -> None
     assert [result.value for result in results] == [[(2, "Rex"), (1, "Tom"), (3, None)], [8], [(20, 2), (10, 1)]]
     assert "FROM memory.main.Pets" in results[0].sql
     assert code_of(ss.run, "SELECT id FROM pets") == "R003"  # as it is written there
-    assert ss.tables() == {"Pets": ("id", "name"), "young": ("ten",)}
+    assert {name: about.columns for name, about in ss.tables().items()} == {"Pets": ("id", "name"), "young": ("ten",)}
     assert [line.split()[0] for line in ss.describe("Pets").splitlines()] == ["FROM", "id", "name"]
 
 
@@ -278,7 +278,7 @@ def test_facts_are_found_of_columns_that_are_read(
     assert query.run().value == [3]
     own.execute("INSERT INTO t VALUES (4, 5, NULL)")
     assert query.run().value == [3, None]
-    assert dict(ss.tables()) == {"t": ("a", "b", "c")}
+    assert {name: about.columns for name, about in ss.tables().items()} == {"t": ("a", "b", "c")}
     assert "b  int 2..8" in ss.describe("t")  # bounds are rounded up, so that types change less often
 
 

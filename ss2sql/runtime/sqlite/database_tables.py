@@ -290,8 +290,13 @@ class Tables:
 
     def list_names(self) -> list[str]:
         """The names of all tables and views, those of SQLite and of ss2sql apart."""
-        rows = self._fetch_rows("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
-        return [name for name, k in rows if k in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))]
+        return [name for _, name in self.list_homes_and_names()]
+
+    def list_homes_and_names(self) -> list[tuple[str, str]]:
+        """The same, each with the database that it is in."""
+        rows = self._fetch_rows("SELECT schema, name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
+        hidden = ("sqlite_", "ss2sql_")
+        return [(home, name) for home, name, k in rows if k in ("table", "view") and not name.startswith(hidden)]
 
     def find_table(self, schema: str | None, name: str, read: Container[str] | None = None) -> plan.TableSource | None:
         """The table or view with this name, exactly as it is written there; None if there is none.
@@ -327,9 +332,9 @@ class Tables:
             known.types.update(infer_types(self.connection, table, columns))
         self._known[home, exact] = known
 
-    def list_columns(self, name: str) -> tuple[str, ...]:
+    def list_columns(self, name: str, schema: str | None = None) -> tuple[str, ...]:
         """The columns of a table or view, without a look at its rows; none of a view that cannot be read."""
-        listed = self._find_listing(None, name)
+        listed = self._find_listing(schema, name)
         if listed is None:
             return ()
         home, exact, _, _ = listed
