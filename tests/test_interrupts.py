@@ -230,7 +230,7 @@ def test_what_is_no_run_is_finished_first(file: Path, staff: Path) -> None:
         assert here == {"numbers"} if ss.host.world_functions else not here
         assert ("numbers" in ss.tables()) == bool(here)
         press_at(line % 60 + 1, lambda ss=ss: ss.attach("data", staff))
-        assert ("staff" in ss.tables()) == ("data" in ss.host.tables.files)
+        assert ("data.staff" in ss.tables()) == ("data" in ss.host.tables.files)
         press_at(line % 200 + 1, ss.close)
         ss.close()
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
