@@ -91,6 +91,18 @@ def test_elements_that_were_not_tried_do_not_count(steps: int) -> None:
             out_of_steps(session, script, engine="native")
 
 
+@pytest.mark.parametrize(
+    "clauses", ["src == town, town = dst", "abs(src - town) < 1, town = dst", "town = dst STOP WITH src != town"]
+)
+def test_elements_that_make_no_step_do_not_count(engine: Any, clauses: str) -> None:
+    """Whether an index skips them or not: each state of this chain has one step."""
+    with ss2sql.connect(max_steps=100) as session:
+        session.set("roads", [{"src": n, "dst": n + 1} for n in range(50)])
+        search = f"SELECT LAST dst FROM roads START WITH town = 0 CONNECT BY {clauses} AS list"
+        result = session.run(search, engine=engine)
+        assert (result.value, result.stats.generated) == (list(range(1, 51)), 50)
+
+
 def test_steps_are_counted_over_all_statements_and_anew_in_each_run(engine: Any) -> None:
     search = SEARCHES["depth first"]
     with ss2sql.connect() as free:

@@ -126,7 +126,9 @@ class EagerSearch(RecursiveQuery):
             return "steps"
         if self.arms is not None:
             return "product"
-        if not self.search.each and all(map(self._is_bound, query.sources)) and not has_query(query):
+        # An element that does not meet the condition makes no step, and an index may skip it.
+        chosen = self.search.each or self.search.made or self.search.first or self.looked_up
+        if not chosen and all(map(self._is_bound, query.sources)) and not has_query(query):
             return "product"
         stops = self.stops
         drops = bool(stops.others) or stops.pruning_condition is not None or self.search.order == "probability"

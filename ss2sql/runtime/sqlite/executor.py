@@ -138,6 +138,7 @@ class Database:
         guard.add_scalar("enter_first", self.search.enter_first_row)
         guard.add_scalar("enter_best", self.search.enter_best_row)
         guard.add_scalar("next_number", self.search.numbers.next, 0)
+        guard.add_scalar("count_step", self.search.trials.next_for_row, 1)
         guard.add_scalar("expand", self.search.expansions.next, 0)
         guard.add_scalar("expand", self.search.expand, 1)
         guard.add_scalar("next_position", StepNumbers().next, 0)  # of results that are put into groups

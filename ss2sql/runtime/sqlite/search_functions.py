@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Hashable, Mapping
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -18,7 +19,7 @@ from ss2sql.runtime.run.search_paths import KeptSteps
 
 # The SQL functions with the number of their arguments, -1 for any.
 FUNCTIONS = {
-    **dict.fromkeys(("count_step", "arrive", "give", "enter_first"), 1),
+    **dict.fromkeys(("arrive", "give", "enter_first"), 1),
     **dict.fromkeys(("give_once", "enter_best"), 2),
     "still_best": -1,
     **dict.fromkeys(("enter", "on_path", "reached", "closed", "improves", "visit"), -1),
@@ -64,6 +65,7 @@ class StepNumbers:
         self._count = itertools.count(1)
         self._before = 0
         self.next = self._count.__next__
+        self.next_for_row = partial(next, self._count)  # the same, called with a column of the row that is counted
 
     def restart_count(self, count: int = 0) -> None:
         """Begins to count, where so many were given already."""
@@ -87,22 +89,24 @@ class SearchState:
     __slots__ = (
         *("compared", "current_path", "expanded", "expansions", "generated", "highest", "keyed", "keys"),
         *("last_dropped", "late_pruned", "met", "numbers", "overestimated", "parents", "pruned", "returned"),
-        *("rows", "steps_per_state", "taken", "tested_key", "tested_row"),
+        *("rows", "steps_per_state", "taken", "tested_key", "tested_row", "trials"),
     )
 
     def __init__(self) -> None:
         self.numbers = StepNumbers()  # of steps that are not kept
         self.expansions = StepNumbers()  # of steps that went on, the start among them
+        self.trials = StepNumbers()  # of steps that are counted one by one
         self.begin_search({})
 
     def save_state(self) -> tuple[Any, ...]:
         """What `restore_state` gives back to an execution that another one has interrupted."""
-        return self.numbers.count, self.expansions.count, [getattr(self, name) for name in self.__slots__]
+        counts = [numbers.count for numbers in (self.numbers, self.expansions, self.trials)]
+        return counts, [getattr(self, name) for name in self.__slots__]
 
     def restore_state(self, saved: tuple[Any, ...]) -> None:
-        numbers, expansions, values = saved
-        self.numbers.restart_count(numbers)
-        self.expansions.restart_count(expansions)
+        counts, values = saved
+        for numbers, count in zip((self.numbers, self.expansions, self.trials), counts, strict=True):
+            numbers.restart_count(count)
         for name, value in zip(self.__slots__, values, strict=True):
             setattr(self, name, value)
 
@@ -112,8 +116,8 @@ class SearchState:
         `keys` has those SQL values that equal another one, with the one that stands for both. `keyed`: something else
         than rows is compared, and kept beside them in `compared`.
         """
-        self.numbers.restart_count()
-        self.expansions.restart_count()
+        for numbers in (self.numbers, self.expansions, self.trials):
+            numbers.restart_count()
         self.keys = keys
         self.tested_row: Any = ()  # the row that a repeat test let pass, or its only value
         self.tested_key: Any = ()
@@ -142,7 +146,7 @@ class SearchState:
 
     def count_generated(self, book: Bookkeeping, results: int) -> int:
         """The number of steps that have been generated until now."""
-        generated = self.generated
+        generated = self.generated + self.trials.count
         if not generated and book.counts == "product":
             return self.steps_per_state * (self._count_continued(book, results) + 1)
         if not generated and book.counts == "entered":
@@ -176,10 +180,6 @@ class SearchState:
         return KeptSteps(self.parents, self.rows)
 
     # --- steps that are evaluated on entering ----------------------------------------------------------
-
-    def count_step(self, element: Any) -> int:
-        self.generated += 1
-        return 1
 
     def expand(self, guess: Any) -> int:
         """Counts what goes on, the start included; always true. `guess` is the total that A* expects.

@@ -246,7 +246,7 @@ RESERVED_NAMES = SQLITE_FUNCTIONS | {
     *("list", "record", "field"),
     *("truth", "in_turn", "recall", "remember", "elements", "search"),
     *("step_cost", "step_heuristic", "step_probability"),
-    *("expand", "next_number", "next_position", *SEARCH_FUNCTIONS),
+    *("count_step", "expand", "next_number", "next_position", *SEARCH_FUNCTIONS),
 }
 
 
