@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from datetime import datetime, timedelta, timezone
 from html import unescape
 from io import StringIO
 from itertools import pairwise
@@ -13,6 +14,7 @@ import matplotlib
 import networkx
 import pytest
 from matplotlib import pyplot
+from matplotlib.dates import num2date
 
 import ss2sql
 from ss2sql.results.graph_plot import MOST_NODES, build_tree
@@ -82,6 +84,54 @@ def test_points_of_several_columns_stand_over_the_first(ss: ss2sql.Session) -> N
         ("a", "None", [2, 1, 3]), ("b", "None", [2, 1, 3]),
     ]  # fmt: skip
     assert ax.get_title() == "a, b by t"
+
+
+MORNING = [datetime(2024, 1, 1, 8, minute) for minute in (0, 10, 30)]
+
+
+@pytest.mark.parametrize(
+    "spell",
+    [lambda time: time, str, datetime.isoformat, lambda time: time.isoformat() + ".000000001",
+     lambda time: f"{time.isoformat()}+00:00", lambda time: time.replace(tzinfo=timezone(timedelta(0)))],
+)  # fmt: skip
+@pytest.mark.parametrize("kind", ["auto", "line", "points"])
+def test_series_have_an_axis_of_time(ss: ss2sql.Session, spell: Callable[[datetime], Any], kind: str) -> None:
+    ss.set("log", [{"x": x, "at": spell(time)} for x, time in enumerate(MORNING)])
+    ax = ss.run("SELECT x, at FROM log;").plot(kind=kind)
+    drawn = ax.collections[0].get_offsets() if kind == "points" else ax.lines[0].get_xydata()
+    assert [(num2date(day).replace(tzinfo=None), x) for day, x in drawn] == list(zip(MORNING, range(3), strict=True))
+    ax.figure.canvas.draw()
+    assert "08:30" in [tick.get_text() for tick in ax.get_xticklabels()]
+    assert ax.get_xlabel() == "at"
+
+
+def test_times_that_make_no_line(ss: ss2sql.Session) -> None:
+    ss.set("log", [{"at": time, "x": 1, "place": [1, 2]} for time in (MORNING[1], None, MORNING[0])])
+    assert ss.run("SELECT at, x FROM log;").plot().get_title() == "2 points"
+    assert ss.run("SELECT at, place, x FROM log;").plot().get_xlabel() == "x"
+    labels = ss.run("SELECT at, x FROM log;").plot(kind="bars").get_yticklabels()
+    assert [label.get_text() for label in labels] == ["2024-01-01T08:10:00", "None", "2024-01-01T08:00:00"]
+    with pytest.raises(ss2sql.RepresentationError, match="as line") as caught:
+        ss.run("SELECT at, x FROM log;").plot(kind="line")
+    assert "ORDER BY" in caught.value.hints[0]
+    ss.set("open", [{"begin": "0001-01-01", "x": 1}, {"begin": "9999-12-31", "x": 2}])
+    ss.run("SELECT begin, x FROM open;").plot().figure.canvas.draw()
+
+
+def test_groups_are_drawn_apart(ss: ss2sql.Session) -> None:
+    rows = [("a", 1), ("b", 2), ("a", 5)]
+    ss.set("log", [{"g": g, "x": x, "at": time} for (g, x), time in zip(rows, MORNING, strict=True)])
+    ax = ss.run("SELECT x FROM log GROUP BY g;").plot()
+    assert points(ax) == [[(1, 1), (2, 5)], [(1, 2)]]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "b"]
+    assert ax.get_title() == "x by row, 2 groups"
+    assert [len(line) for line in points(ss.run("SELECT at, x FROM log GROUP BY g;").plot())] == [2, 1]
+    clouds = ss.run("SELECT [x, x] FROM log GROUP BY g;").plot().collections
+    assert [cloud.get_offsets().tolist() for cloud in clouds] == [[[1, 1], [5, 5]], [[2, 2]]]
+    for select, labels in (("x", ["a", "a", "b"]), ("str(x), x", ["a: 1", "a: 5", "b: 2"])):
+        ax = ss.run(f"SELECT {select} FROM log GROUP BY g;").plot(kind="bars")
+        assert [label.get_text() for label in ax.get_yticklabels()] == labels
+        assert [bar.get_width() for bar in ax.patches] == [1, 5, 2]
 
 
 def test_paths_over_a_map(ss: ss2sql.Session) -> None:

@@ -432,7 +432,7 @@ class Result:
                 rows by step, "tree" of its paths, "lengths", a count of paths; of a run with `trace=` "search": the
                 tree of its steps, or the map of their places, numbered in the order of expansion. Of an array of two
                 dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a label and a number, "line",
-                "points".
+                "points", over time where a column has times, and each group of GROUP BY by itself.
             most: how many paths, bars or steps are drawn; else 1000 paths, 40 bars, a graph of up to 150 rows, a tree
                 of 60 steps.
             title: in place of what was counted.
