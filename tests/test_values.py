@@ -34,6 +34,7 @@ from ss2sql.language.values import (
     order_rows,
 )
 from ss2sql.runtime.sqlite.interning import Interning
+from ss2sql.runtime.sqlite.sql_functions import MemberCache
 
 lt, le, gt, ge = (OPERATIONS[name].value for name in ("lt", "le", "gt", "ge"))
 GIVER = "the function 'f'"
@@ -431,3 +432,11 @@ def test_objects_keep_their_own_equality_among_each_other(ss: ss2sql.Session, en
         a for a in things for b in things if a == b
     ]
     assert ss.run("SELECT this FROM things AS list", engine=engine).value[2] is things[2]
+
+
+def test_keys_of_a_list_are_made_when_it_is_asked_again() -> None:
+    pool = Interning()
+    members, handle = MemberCache(pool), pool.encode([1, 2.0])
+    with pytest.raises(KeyError):  # who asks once looks through the list itself
+        members[handle]
+    assert members[handle] == {1, 2.0}
