@@ -54,5 +54,8 @@ def test_the_hint_for_an_aggregate_of_last_steps_is_typed(ss: ss2sql.Session) ->
     search = "FROM emp START WITH boss IS NULL CONNECT BY PRIOR id == boss"
     with pytest.raises(ss2sql.ResolveError) as caught:
         ss.run(f"SELECT LAST max(level()) {search} AS value;")
-    assert caught.value.hints == ("write SELECT LAST ... GROUP BY 1 for max of the last steps of all paths",)
+    assert caught.value.hints == (
+        "write max(path(level())) for the steps of the path",
+        "write SELECT LAST ... GROUP BY 1 for max of the last steps of all paths",
+    )
     assert ss.eval(f"SELECT LAST max(level()) {search} GROUP BY 1 AS value;") == 4

@@ -38,7 +38,12 @@ from ss2sql.frontend.resolve.scope import (
     suggest_row_query,
 )
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS as PATH_FUNCTIONS
-from ss2sql.frontend.resolve.search_clauses import RESULT_CLAUSES, is_path_function, resolve_path_function
+from ss2sql.frontend.resolve.search_clauses import (
+    RESULT_CLAUSES,
+    is_path_function,
+    resolve_path_function,
+    suggest_in_search,
+)
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.tokenizer import shorten_query
 from ss2sql.language import plan
@@ -282,7 +287,9 @@ class Resolver:
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
         known = (*list_names_in_scope(scope), *self.list_variables(), *self.parameters)
-        raise explain_unknown_name(name, span, self.catalog, known, scope, operand)
+        error = explain_unknown_name(name, span, self.catalog, known, scope, operand)
+        error.hints = suggest_in_search(name, span, scope) or error.hints
+        raise error
 
     def find_bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
@@ -323,6 +330,8 @@ class Resolver:
             world = resolve_world(self, name)
             if world is not None:
                 error.hints = list_world_hints(world, tree.name)
+            elif scope is not None and (inner := _find_nameless_query(scope, name)) is not None:
+                error.hints = (f"write {name} = {inner} to name the source",)
             elif name in self.list_variables():
                 error.hints = (f'write {name}["{tree.name}"]', f"of a list: SELECT {tree.name} FROM {name} AS list")
             raise
@@ -417,7 +426,9 @@ class Resolver:
             ):  # or its name
                 return resolve_world_call(self, name, known, scope, span)
         if function is None:
-            raise explain_unknown_function(tree, self.catalog, self.list_variables(), scope)
+            error = explain_unknown_function(tree, self.catalog, self.list_variables(), scope)
+            error.hints = suggest_in_search(name, span, scope) or error.hints
+            raise error
         if function.builtin and name == "to":
             hint = "write it around a whole column of SELECT, and the expression itself here"
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
@@ -442,9 +453,9 @@ class Resolver:
         if is_resolved_aggregate(function) and of_a_list and not grouped and arguments[0].type.excludes(Kind.LIST):
             hints = [AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))]
             if scope is not None and scope.path_functions and scope.path_functions.clause in RESULT_CLAUSES:
-                hints = [f"write SELECT LAST ... GROUP BY 1 for {name} of the last steps of all paths"]
-                if scope.written is None or not scope.written.last:
-                    hints.insert(0, f"write {name}(path({tree.arguments[0].span.text})) for the steps of the path")
+                hints = [*suggest_in_search(name, span, scope)]
+                hints.append(f"write {name}(path({tree.arguments[0].span.text})) for the steps of the path")
+                hints.append(f"write SELECT LAST ... GROUP BY 1 for {name} of the last steps of all paths")
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, tuple(hints))
         return self.refine_call(self.make_call(name, arguments, span, span), scope)
 
@@ -503,6 +514,17 @@ class Resolver:
 def is_resolved_aggregate(function: plan.Function) -> bool:
     """Whether the function aggregates when it is called on the rows of a group."""
     return function.collects or (function.builtin and function.name in GROUPS)
+
+
+def _find_nameless_query(scope: Scope, name: str) -> str | None:
+    """The text of a query in FROM that has no name and reads this source."""
+    for level in list_scopes(scope):
+        for part in level.written.sources if level.written is not None else ():
+            if part.name is None and isinstance(part.expr, ast.Query):
+                read = {source.name or source.expr.span.text for source in part.expr.sources}
+                if name in read:
+                    return f"({shorten_query(part.expr.span.text)})"
+    return None
 
 
 def _find_assignments(tree: Any) -> list[ast.Assign]:

@@ -388,8 +388,8 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     "mode": "session.function('mode', statistics.mode) registers Python's",
     **dict.fromkeys(("rollup", "cube"), "run a query for each GROUP BY, and join their lists with +"),
     "array_agg": "write ({rows})", "rpad": "format('{{:<20}}', {0}) puts blanks behind until there are 20 characters",
-    "to_number": "write float({0})",
-    "connect_by_root": "write root({0})",
+    "to_number": "write float({0})", "connect_by_root": "write root({0})", "group_concat/1": "write join({rows}, ',')",
+    **dict.fromkeys(("lpad/blank", "rpad/blank"), "write join(SELECT ' ' FROM range({1}) AS list, '')"),
     "length": "write len({0})", "size": "write len({0})", "avg": "write average({0})", "mean": "write average({0})",
     "distinct": "write uniq({0})", "unique": "write uniq({0})", "set": "write uniq({0})",
     "power": "write {0} ^ {1}", "exists": "write [] != ({list})",
@@ -446,13 +446,12 @@ def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr], rows: str = "S
     lowered = name.lower()
     if lowered not in FOREIGN_FUNCTIONS:
         return ()
-    form = FOREIGN_FUNCTIONS.get(f"{lowered}/{len(arguments)}", FOREIGN_FUNCTIONS[lowered])
     whole = [argument.span.text for argument in arguments[:4]]
+    shape = "blank" if len(whole) == 2 and whole[0] in ("' '", '" "') else len(arguments)
+    form = FOREIGN_FUNCTIONS.get(f"{lowered}/{shape}", FOREIGN_FUNCTIONS[lowered])
     texts = [text if len(text) <= 40 else "..." for text in whole]
     bare = bool(arguments) and isinstance(arguments[0], ast.Query) and arguments[0].representation is None
     listed = f"{texts[0]} AS list" if bare else "SELECT ... AS list"
-    if lowered == "group_concat" and len(texts) == 1:
-        texts.append("','")
     texts += ["..."] * (4 - len(texts))
     every = [argument.span.text for argument in arguments] or ["..."]
     named = {"list": listed, "rows": rows, "all": ", ".join(every), "sum": " + ".join(every)}

@@ -278,6 +278,25 @@ def _measure_prior_nesting(resolver: Resolver, tree: Any) -> int:
     return inside + is_path_function(resolver, tree)
 
 
+def suggest_in_search(name: str, span: Span, scope: Scope | None) -> tuple[str, ...]:
+    """What a search has in place of `LAST (x)`, read as a call, and of `cost`; nothing for other names."""
+    query = None if scope is None else scope.written
+    if query is None or not query.searches:
+        return ()
+    cost = next((option.argument for option in query.options if option.keyword == "COST"), None)
+    if name.upper() == "COST" and cost is not None:
+        return (f"write sum(path({cost.span.text})) for the cost of the path",)
+    first = query.columns[0]
+    if name.upper() == "LAST" and first.span.start == span.start:
+        column, label = (first.expr, first.name) if isinstance(first, ast.Named) else (first, "x")
+        texts = [column.span.text[len(name) :].strip()]
+        if isinstance(column, ast.Call):
+            texts = [argument.span.text for argument in column.arguments] or ["..."]
+        columns = ", ".join((f"to({texts[0]}, '{label}')", *texts[1:]))
+        return (f"write LAST {columns}", "next to LAST stands a name, a literal or this, never a parenthesis")
+    return ()
+
+
 # --- the options of CONNECT BY: their meaning for a search, and their contradictions
 ORDERS = tuple(order.upper() for order in get_args(plan.Order) if order != "greedy")
 WEIGHTS = ("COST", "PROBABILITY")

@@ -69,7 +69,7 @@ _POSTFIX_HINTS = {
     "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
     "OFFSET": "write LIMIT n OFFSET {y}", "FETCH": "write LIMIT n",
     "COLLATE": "sort by the value of a function that you register",
-    "OVER": "use GROUP BY, or a query in the column: (SELECT count(*) FROM x = t WHERE x.n < t.n) + 1 is a rank",
+    "OVER": "use GROUP BY, or a query in the column, for instance sum(SELECT ... AS list)",
     "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
     "TOP": "write LIMIT n after the other clauses", "CONTAINS": "write {y} IN {x}",
     "STARTS": "write starts({x}, ...)", "ENDS": "write ends({x}, ...)",
@@ -233,7 +233,8 @@ def _split_set_operations(t: ParseFailure) -> tuple[list[str], list[str], str]:
 # Other names for options of searches.
 _OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
             "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
-            "NOCYCLE": "NO CYCLE"}  # fmt: skip
+            "NOCYCLE": "NO CYCLE",
+            "WEIGHT": "COST in its place, and a comma behind its value"}  # fmt: skip
 
 
 def _explain_option(t: ParseFailure) -> ParseError | None:
@@ -248,7 +249,8 @@ def _explain_option(t: ParseFailure) -> ParseError | None:
             return t.explain("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
         starts = index == begin and (word != "A" or following.kind == "*")
         if starts and word in _OPTIONS and following.kind in ("*", *VALUES):
-            option = _OPTIONS[word] + (f" {following.text}" if following.kind == "INTEGER" else "")
+            counts = _OPTIONS[word] == "MAXIMUM" and following.kind == "INTEGER"
+            option = _OPTIONS[word] + (f" {following.text}" if counts else "")
             if word == "GREEDY" and t.tokens[index + 2].kind != "=":
                 option = f"HEURISTIC {following.text}"
             prior = next((i for i in range(index, len(t.tokens)) if t.tokens[i].text.upper() == "PRIOR"), None)
@@ -424,11 +426,57 @@ def _tell_that_missing(word: str) -> str:
     return f"{word.upper()} does not fit here" if fits else f"there is no {word} in SelectScript"
 
 
+# Aggregates of SQL, as functions of a list.
+_AGGREGATES = {"SUM": "sum", "AVG": "average", "MIN": "min", "MAX": "max", "COUNT": "count"}
+
+
+def _explain_window(t: ParseFailure) -> ParseError | None:
+    """`sum(km) OVER (PARTITION BY town ORDER BY day)` over all rows of one source: the query in its place."""
+    closing = t.find_outside(t.index + 2) if t.next.kind == "(" else t.index
+    if t.found.text.upper() != "OVER" or t.tokens[closing].kind != ")":
+        return None
+    window = t.source.text[t.next.end : t.tokens[closing].start].strip()
+    keys = re.fullmatch(r"(?:PARTITION BY (\w+))?\s*(?:ORDER BY (\w+)(?: ASC| (DESC))?)?", window, re.IGNORECASE)
+    behind = t.read_until(t.find_outside(closing + 1, 1, ("FROM",)), ("ORDER", "LIMIT", "AS", ";"))
+    source = re.fullmatch(r"FROM\s+(\w+)(?:\s*=\s*(\w+))?", behind, re.IGNORECASE)
+    call = re.fullmatch(r"(\w+)\s*\((\*|\w*)\)", t.read_operand())
+    if keys is None or source is None or call is None:
+        return None
+    aggregate, (outer, rows) = _AGGREGATES.get(call[1].upper()), (source[1], source[2] or source[1])
+    sign = (">" if keys[3] else "<") + "=" * (aggregate is not None)
+    other = "y" if outer == "x" else "x"
+    conditions = [f"{other}.{keys[1]} == {outer}.{keys[1]}"] if keys[1] else []
+    conditions += [f"{other}.{keys[2]} {sign} {outer}.{keys[2]}"] if keys[2] else []
+    conditions += [f"{other}.{call[2]} != None"] if aggregate == "count" and call[2] != "*" else []
+    where = f" WHERE {' AND '.join(conditions)}" if conditions else ""
+    if aggregate is not None:
+        value = "1" if call[2] == "*" else f"{other}.{call[2]}"
+        cure = f"write {aggregate}(SELECT {value} FROM {other} = {rows}{where} AS list)"
+    elif keys[2]:
+        cure = f"write (SELECT count(*) FROM {other} = {rows}{where}) + 1 for a rank"
+    else:
+        return None
+    return t.explain("P006", _tell_that_missing("OVER"), cure)
+
+
+def _explain_filter(t: ParseFailure) -> ParseError | None:
+    """`count(*) FILTER (WHERE a > 1)`."""
+    call = re.fullmatch(r"(\w+)\s*\(\s*(DISTINCT\s+)?(.*)\)", t.read_operand(), re.IGNORECASE | re.DOTALL)
+    where = t.tokens[min(t.index + 2, len(t.tokens) - 1)]
+    if t.found.text.upper() != "FILTER" or where.keyword != "WHERE" or call is None:
+        return None
+    condition = t.source.text[where.end : t.tokens[t.find_outside(t.index + 2)].start].strip()
+    name, distinct, value = _AGGREGATES.get(call[1].upper(), call[1]), call[2] or "", call[3].strip()
+    cure = f"write {name}({distinct}IF({condition}; {'1' if value == '*' else value}; None))"
+    grouped = t.tokens[t.find_outside(t.index, 1, ("GROUP",))].keyword == "GROUP"
+    return t.explain("P006", _tell_that_missing("FILTER"), cure if grouped else f"{cure}, and GROUP BY 1")
+
+
 def _explain_star(t: ParseFailure) -> ParseError | None:
     if t.found.kind == "*" and t.peek().kind == "." and t.peek(2).kind == "NAME":
         source = t.peek(2).text
         return t.explain("P006", f"there is no {source}.* in SelectScript",
-                       f"write {source}.this for the element, {source}.x for a column, SELECT * for all")  # fmt: skip
+                       f"write {source}.this for the element, SELECT * for all columns, or name them")  # fmt: skip
     alone = t.found.kind == "," and t.peek().kind == "*" and "FROM" in t.expected
     if t.clause == "SELECT" and (alone or (t.found.kind == "*" and t.peek().kind == ",")):
         return t.explain("P006", "* is the only column, or none", "write SELECT *, or name the columns")
@@ -478,5 +526,6 @@ CHECKS: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
     _explain_from_first, _explain_comprehension, _explain_item_assignment, _explain_inner_quote, _explain_comment,
     _explain_sign, _explain_concatenation, _explain_is, _explain_cast, _explain_set_operation, _explain_option,
     _explain_each, _explain_unpacking, _explain_assignment, _explain_modifier, _explain_missing_as,
-    _explain_column_name, _explain_after_as, _explain_word, _explain_star, _explain_dot, _explain_list,
+    _explain_column_name, _explain_after_as, _explain_window, _explain_filter, _explain_word, _explain_star,
+    _explain_dot, _explain_list,
 )  # fmt: skip

@@ -6,6 +6,7 @@ misspelt keyword, a bracket, a clause in the wrong place. The last one lists wha
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from difflib import get_close_matches
 
@@ -183,9 +184,9 @@ def _explain_search_clause(t: ParseFailure) -> ParseError | None:
     late = name if t.peek(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
     behind = t.clause.replace(" ", "").isalpha() and t.clause not in OPTIONS and late is t.found and not t.wants_operand
     if late is not None and (behind or t.clause == "CONNECT BY"):
-        where = "an assignment" if t.clause == "CONNECT BY" else t.clause
+        where = "a condition or an assignment" if t.clause == "CONNECT BY" else t.clause
         return t.explain("P001", f"{spell(late)} stands after {where}",
-                       "options stand right after CONNECT BY, without commas, several keys as BY (a, b)",
+                       "options stand right after CONNECT BY, several keys as BY (a, b)",
                        at=late)  # fmt: skip
     if t.clause in OPTIONS and t.found.kind in COMPARISONS and "," in t.expected:
         option, value = t.option, t.read_operand()
@@ -293,7 +294,12 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
     if hint is None and t.clause == "[":
         hint = "the elements of a list are separated by commas"
     if hint is None and starts and t.clause in ("START WITH", "CONNECT BY", *OPTIONS):
-        hint = f"commas separate conditions and assignments: {t.peek().text}, {t.found.text}"
+        option = _read_option(t, t.index) if t.peek().kind == ")" else ""
+        keys = re.fullmatch(r"(UNIQUE|NO CYCLE) ?\(([^()]*)\)", " ".join(option.split()), re.IGNORECASE)
+        hint = f"commas separate conditions and assignments: {t.read_operand()}, {t.found.text}"
+        if keys is not None:
+            by = keys[2] if keys[2].isidentifier() else f"({keys[2]})"
+            hint = f"write {keys[1]} BY {by}, {t.found.text}"
     hint = hint or "write what should stand between them, or leave one of them out"
     return _add_bracket_place(t, t.explain(_choose_error_code(t), message, hint))
 
