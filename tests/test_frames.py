@@ -352,6 +352,23 @@ def test_columns_of_a_frame_that_a_function_makes_are_explained(ss: ss2sql.Sessi
         ss.run("log = load(); SELECT x FROM log WHERE x > 1;")
 
 
+@pytest.mark.parametrize(
+    ("make", "cure"),
+    [
+        (lambda: pandas.DataFrame({"x": [1, 2]}), 'to_dict("list")'),
+        (lambda: polars.DataFrame({"x": [1, 2]}), "to_dicts()"),
+        (lambda: pyarrow.table({"x": [1, 2]}), "to_pylist()"),
+    ],
+)
+def test_a_frame_that_a_function_gives_says_how_it_becomes_a_list(ss: ss2sql.Session, make: Any, cure: str) -> None:
+    ss.function("load", make, volatility="stable")
+    ss.function("load_list", lambda: eval(f"frame.{cure}", {"frame": make()}), volatility="stable")
+    with pytest.raises(ss2sql.ExecutionError) as caught:
+        ss.run("SELECT x FROM load();")
+    assert caught.value.hints == (f"let the function return frame.{cure}",)
+    assert ss.eval("SELECT x FROM load_list() AS list;") == [1, 2]
+
+
 @pytest.mark.parametrize("make", [pandas.DataFrame, polars.DataFrame, pyarrow.table], ids=["pandas", "polars", "arrow"])
 def test_a_frame_or_series_may_be_set_or_given_to_a_run(ss: ss2sql.Session, engine: Any, make: Any) -> None:
     frame = make({"t": [1.0, None], "x": [3, 4]})

@@ -497,7 +497,20 @@ def read_column(element: Any, name: str, default: Any = _NO_COLUMN) -> Any:
         return default
     list_columns = getattr(type(owner), "__columns__", None)  # of a world; other objects are not touched
     shown = known if list_columns is None else list_columns(owner)
+    kind = type(owner)
+    cure = _FRAMES.get((kind.__module__.partition(".")[0], kind.__name__))
+    if cure is not None:
+        message = f"a {kind.__name__} is one value here, so it has no column '{name}'"
+        raise ExecutionError("X008", message, hints=(f"let the function return frame.{cure}",))
     raise _build_no_column_error(name, list(shown), format_value(element))
+
+
+# What makes lists of data frames, by the package and the name of their type.
+_FRAMES = {
+    ("pandas", "DataFrame"): 'to_dict("list")',
+    ("polars", "DataFrame"): "to_dicts()",
+    ("pyarrow", "Table"): "to_pylist()",
+}
 
 
 def _build_no_column_error(name: str, known: list[str], owner: str) -> ExecutionError:

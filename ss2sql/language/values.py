@@ -382,6 +382,9 @@ def _build_order_error(left: Any, right: Any, first: Any, second: Any, symbol: s
         hint = _suggest_none_cure(first, second, symbol)
     elif str in kinds and kinds & NUMBERS:
         hint = "make both of one kind with int(...), float(...) or str(...)"
+    elif timedelta in kinds and kinds & NUMBERS:
+        duration = first if type(first) is timedelta else second
+        hint = f"durations in data are numbers of seconds: write {duration.total_seconds()} for this timedelta"
     elif any(issubclass(kind, date) for kind in kinds):
         hint = "date('2024-05-31') makes a date of a text, datetime('2024-05-31') a time; date(x) is the day of a time"
     elif kinds == {dict} or are_rows(left) or are_rows(right):

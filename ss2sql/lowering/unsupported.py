@@ -122,7 +122,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "a search inside another query",
-        "assign its result to a variable before the query",
+        f"assign its result to a variable before the query, or {_LEAVE}",
         _if_query(lambda query: query.search),
         nested=True,
     ),

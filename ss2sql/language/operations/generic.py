@@ -20,6 +20,7 @@ from ss2sql.language.operations.operation import (
     have_one_sql_class,
     misuse,
     remove_none_kind,
+    suggest_kind,
 )
 from ss2sql.language.values import get_truth
 
@@ -199,7 +200,8 @@ def _make_day(name: str, kind: type, convert: Callable[[Any], Any], first: Any, 
         return convert(first)
     if type(first) is str:
         return _parse_time(name, kind, first)
-    raise misuse(f"{name} of {format_value(first)}", f"{name}('2024-05-31') or {name}(2024, 5, 31)")
+    hint = suggest_kind(first, f"{name}('2024-05-31') or {name}(2024, 5, 31)")
+    raise misuse(f"{name} of {format_value(first)}", hint)
 
 
 def _make_date(first: Any, *parts: Any) -> Any:
@@ -227,7 +229,7 @@ def _make_time_part(name: str, kinds: tuple[type, ...], low: int, high: int, abo
     def read(time: Any) -> int:
         if not isinstance(time, kinds):
             hint = "date(...) and datetime(...) make one of a string" if what == "dates" else "datetime(...) makes one"
-            raise misuse(f"{name} works on {what}, not on {format_value(time)}", hint)
+            raise misuse(f"{name} works on {what}, not on {format_value(time)}", suggest_kind(time, hint))
         found = getattr(time, name)
         return int(found() if callable(found) else found)
 

@@ -42,6 +42,11 @@ def misuse(message: str, hint: str) -> ExecutionError:
     return ExecutionError("X007", message, hints=(hint,))
 
 
+def suggest_kind(value: Any, cure: str) -> str:
+    """The cure for a value of another kind, or what to write so that None is left out."""
+    return "test for it first, for example x != None AND ..." if value is None else cure
+
+
 def check_list(function: str, value: Any) -> list[Any]:
     """The argument, if it is a list."""
     if type(value) is list:
@@ -69,13 +74,17 @@ def check_integer(function: str, value: Any) -> int:
     """The argument, if it is an integer; True counts as 1."""
     if type(value) in INTEGERS:
         return int(value)
-    raise misuse(f"{function} works on integers, not on {format_value(value)}", "int(...) makes an integer")
+    raise misuse(
+        f"{function} works on integers, not on {format_value(value)}", suggest_kind(value, "int(...) makes an integer")
+    )
 
 
 def check_string(function: str, value: Any) -> str:
     if type(value) is str:
         return value
-    raise misuse(f"{function} works on strings, not on {format_value(value)}", "str(...) makes a string")
+    raise misuse(
+        f"{function} works on strings, not on {format_value(value)}", suggest_kind(value, "str(...) makes a string")
+    )
 
 
 # --- a row of the table of operations
