@@ -111,6 +111,8 @@ def test_times_that_make_no_line(ss: ss2sql.Session) -> None:
     assert ss.run("SELECT at, place, x FROM log;").plot().get_xlabel() == "x"
     labels = ss.run("SELECT at, x FROM log;").plot(kind="bars").get_yticklabels()
     assert [label.get_text() for label in labels] == ["2024-01-01T08:10:00", "None", "2024-01-01T08:00:00"]
+    for select in ("at, x, x + 1", "at, place[0], str(x), x"):
+        assert [line.get_linestyle() for line in ss.run(f"SELECT {select} FROM log;").plot().lines] == ["None", "None"]
     with pytest.raises(ss2sql.RepresentationError, match="as line") as caught:
         ss.run("SELECT at, x FROM log;").plot(kind="line")
     assert "ORDER BY" in caught.value.hints[0]

@@ -153,7 +153,7 @@ def _choose_flat_drawing(result: Result, kind: str, own: bool) -> Draw:
             None not in xs and all(a < b for a, b in pairwise(xs))
             for xs in ([row[numbers[0]] for row in part] for _, part in series)
         )
-        if kind == "points" and len(numbers) > 2 and not labels:
+        if len(numbers) > 2 and ((kind == "points" and not labels) or (kind == "auto" and not rising)):
             return lambda ax, most: _draw_line_plot(columns, series, numbers, ax, dated, lines=False)
         named = bool(labels) and series[0][0] is None
         if kind == "points" or (kind == "auto" and len(numbers) == 2 and (named or not rising)):
