@@ -499,6 +499,10 @@ def _explain_list(t: ParseFailure) -> ParseError | None:
             return t.explain("P001", "statements are separated by ;", f"write {before}; {t.next.text} = ...")
         if t.read_operand().upper().startswith("VALUES"):
             return t.explain("P006", "a list stands in square brackets", "write [[1, 'a'], [2, 'b']] for rows")
+        ahead = [token for token in t.tokens[: t.index] if token.start < t.bracket.start] if t.bracket else []
+        if ahead and ahead[-1].keyword in ("UNIQUE", "CYCLE"):
+            option = "UNIQUE" if ahead[-1].keyword == "UNIQUE" else "NO CYCLE"
+            return t.explain("P006", "keys stand behind BY", f"write {option} BY ({_spell_list(t)}),")
         return t.explain("P006", "a list stands in square brackets", f"write [{_spell_list(t)}]")
     if t.found.kind == "," and t.clause == "LIMIT":
         number = t.cut_text(t.next.start, t.next.end)
