@@ -53,7 +53,8 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
         for call in calls
         if call.name in FUNCTIONS and not call.builtin
     ]
-    notes += [note for each in searches for note in _note_constant_cycle(each)]
+    for each in searches:
+        notes += [*_note_constant_cycle(each), *_note_futile_conditions(each), *_note_first_steps_without_prior(each)]
     notes += [node.hides for node in nodes if isinstance(node, plan.ValueSource) and node.hides]
     notes += _note_operands_of_sql(queries, nodes)
     notes += _note_unequal_kinds(nodes)
@@ -75,6 +76,48 @@ def _note_constant_cycle(query: plan.Query) -> Iterator[str]:
             f"{call} is False, for {dropping} drops the steps of which it would be true; "
             f"to keep them write WHERE True and STOP WITH {call} in place of {dropping}"
         )
+
+
+def _note_futile_conditions(query: plan.Query) -> Iterator[str]:
+    """That a condition of CONNECT BY holds for no step, or asks nothing of the step before."""
+    search, begins = query.search, set[str]()
+    assert search is not None
+    read = {name for node in (search.made, *query.sources) if node is not None for _, name in list_states(node)}
+    linked = search.each or not read <= {"level()"} or any(name.isidentifier() for name, _ in search.start)
+    for node in () if search.first is None else walk(search.first):
+        begins |= {node.name} if isinstance(node, plan.Column) else set()
+    for part, truth in split_condition(search.made, True):
+        match part:
+            case plan.Call(
+                function=plan.Function(name="in" | "not_in" as name, builtin=True),
+                arguments=(
+                    item,
+                    plan.Call(function=plan.Function(name="path values"), arguments=(plan.Call() as at,)),
+                ),
+            ) if truth == (name == "not_in") and is_structurally_equal(item, at.arguments[-1]):
+                wrong = f"NOT ({write_in_script(part)})" if name == "in" else write_in_script(part)
+                place = f"write NO CYCLE BY {write_in_script(item)} in its place"
+                cure = place if search.repeats == "allowed" else "leave it out"
+                yield f"{wrong} never holds, for the path has this step, too; {cure}"
+            case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(one, other)) if (
+                truth and not linked and isinstance(one, plan.Column) and isinstance(other, plan.Column)
+            ):
+                before, after = (other, one) if one.name in begins and other.name not in begins else (one, other)
+                if one.source == other.source:
+                    cure = f"PRIOR {write_in_script(before)} == {write_in_script(after)}"
+                    yield f"{write_in_script(part)} in CONNECT BY asks nothing of the step before; write {cure}"
+
+
+def _note_first_steps_without_prior(query: plan.Query) -> Iterator[str]:
+    """That a condition with `prior` in CONNECT BY, which is that of first steps, too, asks for None in these."""
+    assert query.search is not None
+    own, search = {source.id for source in query.sources}, query.search
+    for left, right in list_equal_sides(split_condition(search.made, True)) if search.first is None else ():
+        if isinstance(left, plan.State) and left.name.startswith("prior(") and can_vary_with(right, own, None):
+            yield (
+                f"in first steps {left.name} is None, so {write_in_script(right)} == None in them; "
+                "START WITH may have a condition of its own, such as START WITH True for every element"
+            )
 
 
 def _find_shown_queries(expr: plan.Expr) -> Iterator[tuple[plan.Expr, str]]:
@@ -99,9 +142,16 @@ def explain_empty_result(
     `before` it ran so many steps had been generated, expanded and pruned.
     """
     search = query.search
-    if search is None or rows.rows or rows.paths or rows.groups:
+    if rows.rows or rows.paths or rows.groups:
         return
     generated, expanded, pruned = (now - then for now, then in zip(stats.steps, before, strict=True))
+    if search is None:
+        inner = _find_only_search(query)
+        if inner is not None and not (expanded or pruned):
+            yield from _note_ended_first_steps(inner, generated)
+        return
+    if any(_note_futile_conditions(query)) or (not expanded and any(_note_first_steps_without_prior(query))):
+        return
     clause, condition = _get_condition_of_first_steps(search)
     read_first = [name for part in condition for _, name in sorted(list_states(part))]
     prior = next((name for name in read_first if name.startswith("prior(")), None)
@@ -109,7 +159,7 @@ def explain_empty_result(
         form = "may have a condition of its own" if clause == "CONNECT BY" else "asks for columns of the first step"
         yield (
             f"in first steps {prior} is None, and nothing was found with it in the condition of {clause}; "
-            f"START WITH {form}, for instance START WITH boss == None"
+            f"START WITH {form}, such as START WITH True for every element"
         )
         return
     constant = _find_constant_state(search)
@@ -141,6 +191,17 @@ def explain_empty_result(
         yield from _note_states_of_steps(query)
     if not (narrow or expanded or pruned):
         yield from _note_ended_first_steps(query, generated)
+
+
+def _find_only_search(query: plan.Query) -> plan.Query | None:
+    """The search in FROM of which all elements are expanded, if a query reads that and nothing else."""
+    match query.sources:
+        case (plan.QuerySource(query=plan.Query(search=plan.Search(stop=None, maximum=None), limit=None) as inner),):
+            pass
+        case _:
+            return None
+    searches = [node for node in walk(query) if isinstance(node, plan.Query) and node.search is not None]
+    return None if query.limit is not None or query.offset is not None or len(searches) > 1 else inner
 
 
 def has_dropped_steps(query: plan.Query, stats: Stats, pruned: int) -> bool:
@@ -398,9 +459,14 @@ def _note_ended_first_steps(query: plan.Query, generated: int) -> Iterator[str]:
     assert search is not None
     if query.offset or query.having or (query.limit and not generated) or search.order == "probability":
         return  # that may be why there is nothing
-    if search.each or list_sources(query) - list_inside(query) or any(n != query.id for n, _ in list_states(query)):
-        return  # there are several starts, or it runs for each row around it
-    values = [f"{name} = {write_in_script(value)}" for name, value in search.start if name.isidentifier()]
+    if list_sources(query) - list_inside(query) or any(n != query.id for n, _ in list_states(query)):
+        return  # it runs for each row around it
+    lists = {source.id: f"EACH {source.name} IN {write_in_script(source.value)}" for source in search.each}
+    values = [
+        lists[value.source] if isinstance(value, plan.Element) else f"{name} = {write_in_script(value)}"
+        for name, value in search.start
+        if name.isidentifier()
+    ]
     start = f"after START WITH {', '.join(values)} " if values else ""
     parts = _get_condition_of_first_steps(search)[1]
     condition = " AND ".join(
