@@ -224,7 +224,7 @@ def test_the_tables_of_a_connection(source: sqlite3.Connection, engine: Any, ss:
     ss.attach("g", source)
     assert ss.run("SELECT x FROM g.t WHERE x < 3 AS list", engine=engine).value == [0, 1, 2]
     assert ss.run("SELECT n FROM g.odd LIMIT 2 AS list", engine=engine).value == [1, 3]
-    assert {name: about.columns for name, about in ss.tables().items()} == {"odd": ("n",), "t": ("x",)}
+    assert {name: about.columns for name, about in ss.tables().items()} == {"g.odd": ("n",), "g.t": ("x",)}
     assert ss.eval("SELECT n, t.x FROM odd, t WHERE t.x == n * 2 AND n < 4 AS rows") == [(1, 2), (3, 6)]
     ss.detach("g")
     assert ss.tables() == {}
