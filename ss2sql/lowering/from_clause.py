@@ -272,8 +272,10 @@ def _lower_elements_walk(
         return selects.expressions.read_field(this, expr)
 
     item = sql_builder.table_function(module, arguments, label)
-    number = sql_builder.column("rowid", label)  # which costs nothing, where elements may have to be made
-    return FromItem((item,), read_element, (number,), number)
+    # The elements of a data frame are made when they are read; its row numbers cost nothing.
+    framed = isinstance(source, plan.ValueSource) and isinstance(source.value, plan.Variable) and source.value.frame
+    witness = sql_builder.column("rowid" if framed else "this", label)
+    return FromItem((item,), read_element, (sql_builder.column("rowid", label),), witness)
 
 
 def _lower_world(selects: FlatLowering, source: plan.WorldSource, scope: SqlScope) -> FromItem:

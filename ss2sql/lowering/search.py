@@ -240,7 +240,7 @@ class EagerSearch(RecursiveQuery):
         opened, scope = lower_sources(self.selects, self.query.sources, scope, self.query.id)
         sources = [item for part in opened for item in part.items]
         conditions = [condition for part in opened for condition in part.conditions]
-        witness = opened[-1].witness_column
+        witness = (opened[-1].order or (opened[-1].witness_column,))[-1]  # row numbers cost nothing, elements are made
         if self.shared:
             sources[-1], scope = add_call_columns(self.selects, self.query, self.shared, sources[-1], scope)
         items: list[Node] = [sql_builder.table(self.table, self.table)]

@@ -288,6 +288,8 @@ def moment(kind: Any, first: Any, parts: tuple[Any, ...], whole: Callable[[Any],
     try:
         if isinstance(first, int):
             return kind(*map(an_integer, (first, *parts)))
+        if not isinstance(first, str | datetime.date):
+            raise wrong("no time")
         return kind.fromisoformat(first) if isinstance(first, str) else whole(first)
     except (ValueError, TypeError) as error:
         raise wrong("no time") from error
