@@ -12,7 +12,7 @@ import numpy as np
 from ss2sql.errors import require_package
 from ss2sql.language import plan
 from ss2sql.language.rows import Row
-from ss2sql.results import count_words, get_result_paths
+from ss2sql.results import count_words, get_result_paths, get_result_rows
 from ss2sql.results.graph_plot import draw_graph, draw_tree
 from ss2sql.results.plot_style import (
     BLUE,
@@ -124,7 +124,7 @@ def _name_axes(result: Result) -> tuple[str, str]:
 def _choose_flat_drawing(result: Result, kind: str, own: bool) -> Draw:
     """The function that draws bars, lines or points, by the columns; `own`: on our own figure."""
     columns = list(map(escape_plot_label, result.columns))
-    rows: list[Row] = list(result)
+    rows = list(get_result_rows(result))
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]

@@ -337,7 +337,7 @@ class Session:
 
     @with_session_lock
     def set(self, name: str, value: Any) -> None:
-        """Sets a script variable to a copy of the value: of a data frame the list of its rows, of a Series its values.
+        """Sets a script variable to a copy of the value: of a data frame its columns, of a Series its values.
 
         Raises ExecutionError X004 for NaN and its like in other values.
         """
