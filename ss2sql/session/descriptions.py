@@ -68,8 +68,7 @@ def list_tables(host: SessionHost) -> dict[str, TableAbout]:
     found: dict[str, TableAbout] = {}
     tables, names = host.tables, host.names
     tables.refresh_copies()
-    for home, name in tables.list_homes_and_names():
-        title = name if home in ("main", "temp") else f"{home}.{name}"
+    for title, (home, name) in tables.list_full_names().items():
         found[title] = TableAbout("table", tables.list_columns(name, home))
     if names.others is not None:
         for name in names.others.list_names():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import apsw
 
@@ -82,13 +82,10 @@ class SymbolTable:
         return found
 
     def _list_own_tables(self) -> list[str]:
-        text = "SELECT schema, name FROM pragma_table_list WHERE type IN ('table', 'view')"
         try:
-            rows: list[Any] = self.host.connection.execute(text).fetchall()
+            return sorted(self.host.tables.list_full_names())
         except apsw.Error:  # a view of a missing table, for instance: the script will raise the error
             return []
-        own = [(schema, name) for schema, name in rows if not name.startswith(("sqlite_", "ss2sql_"))]
-        return sorted(name if schema in ("main", "temp") else f"{schema}.{name}" for schema, name in own)
 
     @cached_property
     def owners(self) -> dict[str, list[str]]:

@@ -290,10 +290,14 @@ class Tables:
 
     def list_names(self) -> list[str]:
         """The names of all tables and views, those of SQLite and of ss2sql apart."""
-        return [name for _, name in self.list_homes_and_names()]
+        return [name for _, name in self._list_homes_and_names()]
 
-    def list_homes_and_names(self) -> list[tuple[str, str]]:
-        """The same, each with the database that it is in."""
+    def list_full_names(self) -> dict[str, tuple[str, str]]:
+        """The same names as FROM writes them, each with its database and its name there."""
+        every = self._list_homes_and_names()
+        return {name if home in ("main", "temp") else f"{home}.{name}": (home, name) for home, name in every}
+
+    def _list_homes_and_names(self) -> list[tuple[str, str]]:
         rows = self._fetch_rows("SELECT schema, name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
         hidden = ("sqlite_", "ss2sql_")
         return [(home, name) for home, name, k in rows if k in ("table", "view") and not name.startswith(hidden)]
