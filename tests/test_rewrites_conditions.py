@@ -134,3 +134,42 @@ def test_a_text_relies_on_the_types_of_its_variables(ss: ss2sql.Session) -> None
     ss.set("n", "x")
     with pytest.raises(ss2sql.ExecutionError):
         query.run()
+
+
+# --- none ----------------------------------------------------------------------------------------------
+
+PEOPLE = [{"id": 1, "age": 30, "name": "Ada"}, {"id": 2, "age": None, "name": None}, {"id": 3, "age": 50, "name": "Bo"}]
+
+
+@pytest.mark.parametrize(
+    ("clauses", "sql", "expected"),
+    [
+        ("p.id WHERE age != None AND age + 1 > 31", "p.age + 1 > 31", [3]),
+        ("p.id WHERE NOT (age == None OR age > 40)", "AND p.age <= 40", [1]),
+        ("p.id WHERE age == None OR age > 40", "OR p.age > 40", [2, 3]),
+        ("p.id WHERE age == 30 AND age < 40", "AND p.age < 40", [1]),
+        ("age - 1 WHERE age != None", "SELECT\n  p.age - 1", [29, 49]),
+        ("IF(age == None; 0; age * 2)", "ELSE p.age * 2", [60, 0, 100]),
+        ("IF(age != None; age * 2; 0)", "THEN p.age * 2 ELSE 0", [60, 0, 100]),
+        ("p.id WHERE name != None AND name + '!' < 'B'", "p.name || '!' < 'B'", [1]),
+    ],
+)
+def test_what_was_found_not_to_be_none_is_computed_by_sqlite(clauses: str, sql: str, expected: list[Any]) -> None:
+    shown, _, where = clauses.partition(" WHERE ")
+    script = f"SELECT {shown} FROM p = people{' WHERE ' + where if where else ''} AS list;"
+    for disable in ([], ["none"]):
+        with ss2sql.connect(disable=disable) as ss:
+            ss.set("people", PEOPLE)
+            text = str(ss.run(script, engine="database").sql)
+            assert (sql in text) is (not disable), text
+            for engine in ("database", "native"):
+                assert ss.run(script, engine=engine).value == expected
+
+
+def test_functions_of_python_wait_for_a_test_of_none() -> None:
+    with ss2sql.connect() as ss:
+        ss.set("people", PEOPLE)
+        script = "SELECT id FROM people WHERE name != None AND len(replace(name, 'a', 'bb')) > 2 AS list;"
+        assert ss.run(script, engine="database").value == [1]
+        ss.function("half", lambda age: age / 2, volatility="immutable")
+        assert ss.run("SELECT half(age) FROM people WHERE age != None AS list", engine="database").value == [15.0, 25.0]

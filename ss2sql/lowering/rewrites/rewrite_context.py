@@ -29,12 +29,18 @@ PLAIN_READS = (plan.Column, plan.Element, plan.State, plan.Variable, plan.Consta
 
 
 def rewrite_bottom_up(node: Node, change: Callable[[Any], Any]) -> Node:
-    """The node with `change` applied to every node below it, innermost first, and then to itself.
+    """The node with `change` applied to every node below it, innermost first, and then to itself."""
+    changed: Node = change(rewrite_parts(node, lambda part: rewrite_bottom_up(part, change)))
+    return changed
+
+
+def rewrite_parts(node: Any, change: Callable[[Any], Any]) -> Any:
+    """The node with `change` applied to every node directly inside it.
 
     Columns of queries in FROM, and group values, keep to a type that is bool alone, or is not: those who read them
     go by their type, and a bool travels in another form through SQL.
     """
-    new: Any = rebuild_node(node, lambda part: rewrite_bottom_up(part, change))
+    new = rebuild_node(node, change)
     if new is not node and isinstance(node, plan.QuerySource):
         pairs = zip(node.query.columns, new.query.columns, strict=True)
         columns = tuple(after if _has_same_form(before.expr, after.expr) else before for before, after in pairs)
@@ -42,8 +48,7 @@ def rewrite_bottom_up(node: Node, change: Callable[[Any], Any]) -> Node:
     if new is not node and isinstance(node, plan.Query) and new.group:
         groups = zip(node.group, new.group, strict=True)
         new = replace(new, group=tuple(after if _has_same_form(before, after) else before for before, after in groups))
-    changed: Node = change(new)
-    return changed
+    return new
 
 
 def _has_same_form(one: plan.Expr, other: plan.Expr) -> bool:
