@@ -80,6 +80,22 @@ def test_rows_of_a_table_without_numbers_come_by_its_key(ss: ss2sql.Session, fil
     write(file, "INSERT INTO x VALUES (1, 30), (2, 10), (3, 20)")
     for script in ("SELECT b FROM (SELECT b FROM x) AS list", "SELECT x.b FROM [1], x AS list"):
         assert ss.run(script, engine=engine).value == [30, 10, 20]
+    for script, value in (
+        ("SELECT y.a FROM x = w LEFT JOIN y = x ON x.a == y.a AS list", [1, 2, 1]),
+        ("SELECT x.b FROM x = w, z = (SELECT y.b FROM y = x WHERE y.a >= x.a LIMIT 1) LIMIT 2 AS list", [1, 1]),
+        ("SELECT z.b FROM x, z = (SELECT y.b FROM y = w WHERE y.a == x.a) AS list", [1, 2, 1]),
+    ):
+        assert ss.run(script, engine=engine).value == value, script
+
+
+def test_a_column_that_is_called_rowid(ss: ss2sql.Session, file: Path, engine: Any) -> None:
+    write(file, "CREATE TABLE u(k INTEGER PRIMARY KEY, w INT); CREATE TABLE g(a INTEGER, rowid TEXT)")
+    write(file, "INSERT INTO u VALUES (1, 1), (2, 2); INSERT INTO g VALUES (1, 'z'), (2, 'y'), (1, 'x')")
+    for script in (
+        "SELECT k, g.rowid FROM u LEFT JOIN g ON u.w == g.a AS rows",
+        "SELECT k, g.rowid FROM u JOIN g ON u.w + 0 == g.a + 0 AS rows",
+    ):
+        assert ss.run(script, engine=engine).value == [(1, "z"), (1, "x"), (2, "y")], script
 
 
 # --- what cannot be read -------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from ss2sql.lowering.sql_builder import SQLITE, Node
 from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS, Parameter, can_be_literal, choose_sql_names
 from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
 from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
-from ss2sql.lowering.statement_needs import MaterializedTables, StatementNeeds, require_index
+from ss2sql.lowering.statement_needs import MaterializedTables, StatementNeeds, is_row_number, require_index
 
 COLLECTORS = {
     "list": "collect",
@@ -97,12 +97,18 @@ class FlatLowering:
         """
         copies = {*self.copies.tables, *self.needs.list_world_modules}
         copies |= {table.alias for table in self.needs.materialized_ctes.values()}
-        for joined in flat.items:
+        for place, joined in enumerate(flat.items):
             item = joined.this if isinstance(joined, exp.Join) else joined
             if not isinstance(item, exp.Table) or isinstance(item.this, exp.Anonymous) or item.name in copies:
                 continue
-            if not item.args.get("indexed"):  # an index that is named keeps the order
-                require_index(item, self.tables[item.alias_or_name].kept_by)
+            source = self.tables[item.alias_or_name]
+            if item.args.get("indexed"):  # an index that is named keeps the order
+                continue
+            if source.kept_by or is_row_number(source.order):
+                require_index(item, source.kept_by)
+            elif source.order:  # PRIMARY KEY (k DESC) of a table WITHOUT ROWID: no index has its order
+                found = self.copies.copy_table(item, source)
+                flat.items[place] = found if item is joined else exp.Join(**{**joined.args, "this": found})
 
     # --- grouped queries -------------------------------------------------------------------------------
 

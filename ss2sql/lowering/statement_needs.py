@@ -190,11 +190,14 @@ class MaterializedTables:
 
     def copy_table(self, item: exp.Table, source: plan.TableSource, computed: Sequence[Node] = ()) -> exp.Table:
         """A copy of a table or view in its order, under the label of its item, with computed columns."""
-        number: Node = sql_builder.column("rowid")
         order = [(sql_builder.column(key), False) for key in source.order]
+        number: Node = sql_builder.column("rowid")
         if source.order != ("rowid",):
             position = choose_free_name("position", {column.lower() for column, _ in source.columns})
-            number = sql_builder.alias(sql_builder.row_number(order), position)
+            number = sql_builder.row_number(order)
+            if is_row_number(source.order):  # SQLite would call it rowid, as a column is called here
+                number, position = order[0][0], source.order[0]
+            number = sql_builder.alias(number, position)
         columns = [number, *(sql_builder.column(column) for column, _ in source.columns)]
         label = item.alias_or_name
         return self.copy_item(item, label, [*columns, *computed], f"{label}_in_order", order)
@@ -276,6 +279,11 @@ def require_sql_index_order(item: exp.Table, source: plan.TableSource, keys: Col
             require_index(item, index or source.kept_by)
             return True
     return False
+
+
+def is_row_number(order: tuple[str, ...]) -> bool:
+    """Whether a table is sorted by the number that SQLite gives its rows, under a name that none of its columns has."""
+    return order[:1] in {("rowid",), ("_rowid_",), ("oid",)}
 
 
 def require_index(item: exp.Table, index: str) -> None:
