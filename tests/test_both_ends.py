@@ -116,8 +116,8 @@ def test_each_side_goes_half_as_deep_and_each_search_has_its_levels(ss: ss2sql.S
     assert both.value == one.value
     for stats in (one.stats, both.stats):
         assert stats.generated == sum(level.steps + level.pruned for level in stats.levels)
-        # The start is no step; every row but those of the last level goes on.
-        assert stats.expanded == sum(level.rows for level in stats.levels[:-1])
+        # The start and every row but those of the last level go on.
+        assert stats.expanded == 1 + sum(level.rows for level in stats.levels[:-1])
     levels = len(both.stats.backward)
     assert 8 <= levels <= 11  # of 18, for a row names the state before its step
     # The start and the goal are two corners of a triangle of 81 states, 15 steps apart; 9 steps reach 33 of them.

@@ -232,5 +232,25 @@ def test_every_edge_is_looked_at_once(ss: ss2sql.Session, engine: Any) -> None:
     result = ss.run(f"SELECT dst FROM (SELECT * FROM edges WHERE src == node) {search};", engine=engine)
     # The edges of 0 are walked from the start and from the row 0; those of 1, 2, 3 and 4 once.
     assert result.stats.generated == 2 + 9
-    assert result.stats.expanded == len(result.value) == 5
+    assert result.stats.expanded == 1 + len(result.value) == 6
     assert result.stats.pruned == 11 - 5
+
+
+@pytest.mark.parametrize(
+    ("start", "connect", "counts"),
+    [
+        ("n = 0", "n = n + 1 STOP WITH n >= 1", (6, 3, 0)),
+        ("n = 0", "level() <= 3, n = n + 1", (14, 15, 0)),
+        ("n = 0", "level() <= 2, n = n + 1 STOP WITH this == 2", (4, 3, 0)),
+        ("n = 0, this > 1", "n < 4, n = n + 1", (15, 16, 0)),
+        ("EACH n IN [0, 1]", "n < 4, n = n + 1", (44, 46, 0)),
+        ("EACH n IN [0, 1]", "UNIQUE BY n, n < 4, n = n + this", (8, 6, 4)),
+        ("EACH n IN [0, 1], this > 1", "COST 1 UNIQUE BY n, n < 4, n = n + this", (6, 6, 2)),
+    ],
+)
+def test_steps_that_meet_the_condition_and_states_with_the_starts_are_counted(
+    ss: ss2sql.Session, engine: Any, start: str, connect: str, counts: tuple[int, int, int]
+) -> None:
+    """By hand: a state of these trees has two steps, in those with `this > 1` the start has one."""
+    stats = ss.run(f"SELECT this FROM [1, 2] START WITH {start} CONNECT BY {connect}", engine=engine).stats
+    assert (stats.generated, stats.expanded, stats.pruned) == counts

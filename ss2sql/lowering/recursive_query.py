@@ -188,7 +188,8 @@ class RecursiveQuery:
         visit = self.write_visit(SqlScope().with_states(states))
         if visit is not None and opened:
             visit = self.evaluate_for_each_row(visit, opened[-1].witness_column)
-        self.copies.tables[name] = sql_builder.select(shown, items, visit)
+        counted = [*([] if visit is None else [visit]), sql_builder.call("expand")]
+        self.copies.tables[name] = sql_builder.select(shown, items, sql_builder.conjunction(counted))
         self.starts = sql_builder.table(name, name)
         return states | {state: sql_builder.column(column, name) for state, column in columns.items()}
 

@@ -111,7 +111,7 @@ class EagerSearch(RecursiveQuery):
             sources=tuple(walked[source.id] for source in self.query.sources if source.id in walked),
             keyed=self.keyed,
             steps_unkept=self.steps_unkept,
-            starts=int(not self.has_special_first_steps),
+            uncounted_starts=int(self.starts is None and (self.all_go_on or self.has_special_first_steps)),
         )
         if self.arms is None:
             return book
@@ -124,11 +124,10 @@ class EagerSearch(RecursiveQuery):
         query = self.query
         if self.shared:
             return "steps"
-        if self.arms is not None:
-            return "product"
         # An element that does not meet the condition makes no step, and an index may skip it.
-        chosen = self.search.each or self.search.made or self.search.first or self.looked_up
-        if not chosen and all(map(self._is_bound, query.sources)) and not has_query(query):
+        chosen = self.search.each or self.search.made or self.search.first
+        bound = not self.looked_up and all(map(self._is_bound, query.sources)) and not has_query(query)
+        if not chosen and (self.arms is not None or bound):
             return "product"
         stops = self.stops
         drops = bool(stops.others) or stops.pruning_condition is not None or self.search.order == "probability"
@@ -262,7 +261,11 @@ class EagerSearch(RecursiveQuery):
         self.selects.needs.applied["arms"] = None
         inner = scope.with_source(self.arms.source.id, self.arms.make_reader(self.expressions, item, scope))
         step = SearchStep(self, inner, first, item)
-        where = [*([] if first else self.check_parent_continues(expands)), *step.list_lookups(), *step.lower_entering()]
+        entering = step.lower_entering()
+        if self.counted:
+            entering = entering if first else [self.evaluate_for_each_row(node, step.parent) for node in entering]
+            entering.insert(0, sql_builder.call("count_step", step.parent.copy()))
+        where = [*([] if first else self.check_parent_continues(expands)), *step.list_lookups(), *entering]
         return sql_builder.select(
             step.lower_columns(),
             [] if first else [sql_builder.table(self.table, self.table)],

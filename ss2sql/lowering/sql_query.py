@@ -133,7 +133,7 @@ class Bookkeeping:
     parts: tuple[int, ...] = ()  # for each column of a row the number of values that form its list; 0: it is one value
     keyed: bool = False  # something else than rows is compared
     steps_unkept: bool = False  # steps have numbers, but are not kept
-    starts: int = 0  # how many of what goes on are starts
+    uncounted_starts: int = 0  # how many starts no call of the statement counts
 
 
 @dataclass(frozen=True, slots=True)

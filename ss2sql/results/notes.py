@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, time
+from math import prod
 from typing import Any, NamedTuple
 
 from ss2sql.errors import join_words
@@ -147,15 +148,16 @@ def explain_empty_result(
     generated, expanded, pruned = (now - then for now, then in zip(stats.steps, before, strict=True))
     if search is None:
         inner = _find_only_search(query)
-        if inner is not None and not (expanded or pruned):
+        if inner is not None and not (expanded > _count_starts(inner) or pruned):
             yield from _note_ended_first_steps(inner, generated)
         return
-    if any(_note_futile_conditions(query)) or (not expanded and any(_note_first_steps_without_prior(query))):
+    continued = expanded > _count_starts(query)
+    if any(_note_futile_conditions(query)) or (not continued and any(_note_first_steps_without_prior(query))):
         return
     clause, condition = _get_condition_of_first_steps(search)
     read_first = [name for part in condition for _, name in sorted(list_states(part))]
     prior = next((name for name in read_first if name.startswith("prior(")), None)
-    if prior is not None and not expanded:
+    if prior is not None and not continued:
         form = "may have a condition of its own" if clause == "CONNECT BY" else "asks for columns of the first step"
         yield (
             f"in first steps {prior} is None, and nothing was found with it in the condition of {clause}; "
@@ -179,7 +181,7 @@ def explain_empty_result(
         return
     grown = {(query.id, name) for name in find_growing_states(query)}
     bounds = [("STOP WITH {}", stop) for stop in split_stop_conditions(query)]
-    bounds += [("{} in CONNECT BY", part) for part in split_and(search.made) if expanded]
+    bounds += [("{} in CONNECT BY", part) for part in split_and(search.made) if continued]
     narrow = []
     for place, bound in bounds if generated else ():
         read = {state for state in list_states(bound) if state[0] == query.id}
@@ -189,8 +191,14 @@ def explain_empty_result(
         yield f"nothing was found before {words} ends a path; a wider bound in it may let paths go on"
     if generated and not narrow:
         yield from _note_states_of_steps(query)
-    if not (narrow or expanded or pruned):
+    if not (narrow or continued or pruned):
         yield from _note_ended_first_steps(query, generated)
+
+
+def _count_starts(query: plan.Query) -> int:
+    """The number of starts, as far as it is known; at least 1."""
+    assert query.search is not None
+    return prod(source.value.type.size or 1 for source in query.search.each)
 
 
 def _find_only_search(query: plan.Query) -> plan.Query | None:

@@ -275,10 +275,6 @@ def compile_search(
     function = inlined or step.write_function()
     if edges is not None:
         function = _write_edge_walk(builder, edges, body, function, query.span)
-    if inlined is None or memorizes:
-        body.emit(
-            build.add_to(codegen.name_counter("expanded", body), -1)
-        )  # a search is no step, so its start does not count
     if first is not None:
         both = codegen.new_name("expand")
         body.emit(

@@ -189,8 +189,7 @@ class StepFunction(StepClauses):
             "last": self.query.last,
             "outdated": None,
         }
-        expanded = build.constant(0 if self.edges else -1)  # a search is no step, so its start does not count
-        begin = build.write("generated = pruned = due = 0; expanded = EXPANDED", EXPANDED=expanded)
+        begin = build.write("generated = expanded = pruned = due = 0")
         end = build.write("hand_on(generated, expanded, pruned)", hand_on=hand_on)
         if self.single is not None:
             begin, end = [*begin, *self.single.begin], [*self.single.end, *end]

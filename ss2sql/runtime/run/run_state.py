@@ -88,7 +88,7 @@ class Stats:
     blocks: Counter[str] = field(default_factory=Counter)  # calls of functions that take arrays
     remembered: Counter[str] = field(default_factory=Counter)  # calls that were answered from memory
     generated: int = 0  # steps that were evaluated
-    expanded: int = 0  # steps from which the search went on
+    expanded: int = 0  # states whose steps were evaluated, the start among them
     pruned: int = 0  # steps that were dropped because their row had been reached before
     levels: list[GraphLevel] = field(default_factory=list)  # of the graph of the last search with MEMORIZE
     backward: list[GraphLevel] = field(default_factory=list)  # of these, the levels that were found from the goal

@@ -70,7 +70,7 @@ def walk_edges(
 
     befores: Sequence[Any] = [START for (name,) in problem.starts for _ in edges.find_node(name)]
     level: Numbers = np.array([node for (name,) in problem.starts for node in edges.find_node(name)], np.int64)
-    count(0, len(problem.starts) - len(level) - 1, 0)  # a search is no step, so its start does not count
+    count(0, len(problem.starts) - len(level), 0)
     parents: dict[int, Any] = {}
     rows: dict[Any, Any] = {}
     reached = np.zeros(len(edges.names), np.bool_)

@@ -50,7 +50,7 @@ WITH where COST cannot fail, and before HEURISTIC and CONNECT BY.
 **Errors** pass through as they are; `finally` has put the counters right. Places are those of the script's positions in
 the code. A function's result is made a value before any clause sees it, or refused by the function's name.
 
-**Counting.** It counts `generated` (elements drawn), `pruned`, `expanded` (calls, less the start) and the calls of
+**Counting.** It counts `generated` (elements drawn), `pruned`, `expanded` (calls) and the calls of
 functions. It looks at the clock and at `max_steps` every so many elements, and before each call of the user's where
 there is a deadline. It returns the number of elements (`StopIteration.value`). Who draws none for long calls `check`.
 

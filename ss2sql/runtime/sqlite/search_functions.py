@@ -148,15 +148,14 @@ class SearchState:
         """The number of steps that have been generated until now."""
         generated = self.generated + self.trials.count
         if not generated and book.counts == "product":
-            return self.steps_per_state * (self._count_continued(book, results) + 1)
+            return self.steps_per_state * self._count_continued(book, results)
         if not generated and book.counts == "entered":
             return self._count_entered(book, results) + self.pruned - self.late_pruned
         return generated
 
     def _count_continued(self, book: Bookkeeping, results: int) -> int:
-        if book.all_go_on:
-            return self._count_entered(book, results)
-        return self.expanded + max(0, self.expansions.count - book.starts)
+        entered = self._count_entered(book, results) if book.all_go_on else self.expanded
+        return entered + self.expansions.count + book.uncounted_starts
 
     def _count_entered(self, book: Bookkeeping, results: int) -> int:
         if book.steps_unkept:
@@ -300,12 +299,11 @@ class SearchState:
 
     def still_best(self, step: int, rank: Any, guess: Any = None) -> int:
         """Whether a step that is taken is still the best to its row; the start is. `guess` is that of `expand`."""
-        if not step:
-            return 1
-        key = self._make_key(self.compared[step])
-        if self.met[key] < rank:
-            return 0
-        self.taken[key] = rank
+        if step:
+            key = self._make_key(self.compared[step])
+            if self.met[key] < rank:
+                return 0
+            self.taken[key] = rank
         self.expanded += 1
         if guess is not None and guess > self.highest:
             self.highest = guess
