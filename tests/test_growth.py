@@ -45,6 +45,7 @@ def data(size: int) -> dict[str, Any]:
         "groups": [{"k": n % 5, "x": n * 7 % size} for n in range(size)],
         "stops": [{"k": n % 5, "a": n, "x": n} for n in range(size)],
         "halves": [{"x": n / 2 if n % 2 else n} for n in range(size)],
+        "days": [{"day": f"{n * 7 % size:04}", "next": f"{n * 7 % size + 2:04}", "x": n} for n in range(size)],
         "things": list(map(Thing, range(size))),
         "tree": [[(n - 1) // 2, n] for n in range(1, size)],
     }

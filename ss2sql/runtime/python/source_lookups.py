@@ -26,7 +26,7 @@ from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import MIRRORED
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis
 from ss2sql.runtime.python.located_code import AstBuilder
-from ss2sql.runtime.run.key_order import MIN_LENGTH, KeyOrder, RowOrder, order_numbers
+from ss2sql.runtime.run.key_order import MIN_LENGTH, KeyOrder, RowOrder, order_keys
 from ss2sql.runtime.run.run_state import pause_collector
 from ss2sql.vtables.contract import Where
 
@@ -192,7 +192,7 @@ class RangeIndex:
         """The rows whose keys meet comparisons by these operators with these values, and maybe more, in their order.
 
         `asked` has the comparisons of each key: the one that leaves the fewest rows is looked up, none where there are
-        no numbers.
+        neither numbers nor texts.
         """
         if len(rows) < MIN_LENGTH:
             return rows
@@ -218,10 +218,10 @@ class RangeIndex:
         return map(rows.__getitem__, places)
 
     def _get_orders(self, rows: Sequence[Any]) -> list[KeyOrder | None]:
-        """The order of the rows by each key, None where they are no numbers."""
+        """The order of the rows by each key, None where they are neither numbers nor texts."""
         known = self.made.get(id(rows))
         if known is None:
-            orders = [order_numbers(list(keys_of(rows)), self.descending) for keys_of in self.keys_of]
+            orders = [order_keys(list(keys_of(rows)), self.descending) for keys_of in self.keys_of]
             known = self.made[id(rows)] = rows, orders
         return known[1]
 

@@ -26,7 +26,7 @@ import apsw
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.values import SCALARS
 from ss2sql.lowering.sql_query import ElementCall, ListTable, choose_sql_names, quote_names
-from ss2sql.runtime.run.key_order import MIN_LENGTH, order_numbers
+from ss2sql.runtime.run.key_order import MIN_LENGTH, order_keys
 from ss2sql.runtime.run.run_state import keep_bounded
 
 if TYPE_CHECKING:
@@ -107,15 +107,15 @@ class ChosenElements(ElementColumns):
 class OrderedElements(ChosenElements):
     """The elements in SQLite's order of a column; equal ones keep theirs.
 
-    `order` is None where the column has other values than numbers: nothing is looked up then. Else what is None, which
-    no comparison meets, is left out.
+    `order` is None where the column has neither numbers alone nor texts alone: nothing is looked up then. Else what is
+    None, which no comparison meets, is left out.
     """
 
     __slots__ = ("order",)
 
     def __init__(self, every: ElementColumns, column: int, descending: bool) -> None:
         values = every.read_column(column)
-        self.order = order_numbers(values, descending)
+        self.order = order_keys(values, descending)
         if self.order is None:
             ranks = list(map(_rank_sql_value, values))
             places = sorted(range(len(values)), key=ranks.__getitem__, reverse=descending)

@@ -22,7 +22,6 @@ from ss2sql.language.rows import Table
 from ss2sql.language.values import convert_value
 from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS
 from ss2sql.runtime.representations.shape import as_set
-from ss2sql.runtime.run.key_order import NUMBERS
 from ss2sql.runtime.run.run_state import CarriedStopError, FailedCall, keep_bounded
 from ss2sql.runtime.sqlite.interning import Interning, OtherFormError
 from ss2sql.runtime.sqlite.list_elements import UNAMBIGUOUS_TYPES, ElementColumns, build_callback_columns
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.list_elements import SqliteElementCalls
 
 NO_LIMIT = 2**63  # more rows than any query has
+_NUMBERS = frozenset({int, float, NoneType})
 
 
 def make_list_function(interning: Interning, *items: Any) -> Any:
@@ -83,7 +83,7 @@ def intern_element_columns(
         if number and dicts is None:
             dicts = set(map(type, items)) == {dict}
         parts = _read_element_column(items, columns[number - 1], dicts is True) if number else items
-        if NUMBERS.issuperset(map(type, parts)):  # which are SQL values as they are
+        if _NUMBERS.issuperset(map(type, parts)):  # which are SQL values as they are
             return parts
         encoded = list(map(encode, parts))
         if lasting and not number:
