@@ -117,3 +117,13 @@ def test_a_key_calls_a_function_for_no_row_behind_the_last_one_shown(engine: Any
         called.clear()
         assert len(ss.eval(f"{script} AS rows;")) == 50
         assert sorted(called) == list(range(50))  # once each
+
+
+def test_rows_are_walked_in_the_order_of_the_first_key_up_to_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Natively; SQLite sorts all that lies before each row."""
+    last = "SELECT b.x FROM b = groups WHERE b.x < a.x ORDER BY b.x DESC, b.k DESC LIMIT 1 AS value"
+    script = f"SELECT a.x, ({last}) AS v FROM a = groups AS rows;"
+    small, large = (work(script, size, "native", monkeypatch) for size in (SMALL, LARGE))
+    assert large < small * (LARGE / SMALL) ** 1.2
+    case = make_case(script.replace("b.x DESC, b.k DESC LIMIT 1", "b.k, b.x DESC LIMIT 3"), 40)
+    assert executor_outcome(case, "native") == reference_outcome(case)

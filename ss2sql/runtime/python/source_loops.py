@@ -454,9 +454,9 @@ class SourceLoops:
         return build.call(build.part(index, "find_rows_in_order"), items, build.name(order), *asked[0])
 
     def _is_ordered_by(self, key: plan.Expr) -> bool:
-        """Whether the rows of the query are wanted in the order of a key of its only source, up to LIMIT."""
+        """Whether the rows of the query are wanted in the order of a key of its only source first, up to LIMIT."""
         query = self.query
-        if query.limit is None or len(query.order) != 1 or len(self.sources) != 1:
+        if query.limit is None or not query.order or len(self.sources) != 1:
             return False
         if query.search or query.grouped or query.distinct or not self._is_same(query.order[0].expr, key):
             return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from itertools import chain, compress, islice
+from itertools import chain, compress, islice, takewhile
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +51,8 @@ class PostProcessing:
     """What happens to the results of one query after they were found.
 
     `group` gives of groups, seen as their aggregates and keys, the row and the sort keys of each that HAVING keeps;
-    where there are partitions, whether it keeps them. `row_order` tells once there is a row whether they come sorted.
+    where there are partitions, whether it keeps them. `row_order` tells once there is a row whether they come sorted
+    by the first key.
     """
 
     def __init__(
@@ -104,9 +105,13 @@ class PostProcessing:
             whole.extend(islice(found, 1))
             if self.row_order is not None and self.row_order.kept and self.end is not None:
                 whole.extend(islice(found, max(0, self.end - 1)))
-                whole = whole[self.kept]
-                return
-            whole.extend(self._check_number(found))
+                if len(self.form.descending) == 1 or not whole:
+                    whole = whole[self.kept]
+                    return
+                last = whole[-1][width]
+                whole.extend(takewhile(lambda row: row[width] == last, found))
+            else:
+                whole.extend(self._check_number(found))
             self._check_room(len(whole))
             columns = [list(map(itemgetter(width + number), whole)) for number in range(len(self.form.descending))]
             whole = [whole[at] for at in self._sort_places(len(whole), columns)[self.kept]]
