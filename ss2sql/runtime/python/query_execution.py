@@ -272,6 +272,13 @@ def _drop_duplicates(every: Iterator[Any], keyed: bool) -> Iterator[Any]:
             yield result
 
 
+def _shows_part_of_source(query: plan.Query) -> bool:
+    """Whether the rows are a part of a list that there is already, so that they fit where it fits."""
+    (source, *others), outputs = query.sources, [output.expr for output in query.columns]
+    known = isinstance(source, plan.ValueSource) and isinstance(source.value, plan.Variable) and not others
+    return known and len(outputs) == 1 and isinstance(outputs[0], (plan.Element, plan.Column))
+
+
 # --- what generated code calls -------------------------------------------------------------------------
 
 
@@ -284,7 +291,8 @@ def get_value_function(task: QueryExecution) -> Callable[..., Any]:
     named = any(output.star or output.label for output in query.columns)
     if query.search or query.grouped or query.distinct or named or task.run.max_rows is not None:
         return task.compute_value
-    shape = task.run.host.shapes.find_row_shape(query.representation, task.form.columns, task.run.sizes)
+    shapes, sizes = task.run.host.shapes, task.run.sizes
+    shape = shapes.find_row_shape(query.representation, task.form.columns, sizes, _shows_part_of_source(query))
     if shape is None:
         return task.compute_value
     if settings is None and not query.order:

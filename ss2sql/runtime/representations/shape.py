@@ -335,19 +335,22 @@ class Representations:
         return form.name in SHARED_FORMS and self.is_built_in(form) and not extended
 
     def find_row_shape(
-        self, form: plan.Representation, columns: tuple[str, ...], sizes: ValueSizes
+        self, form: plan.Representation, columns: tuple[str, ...], sizes: ValueSizes, known: bool = False
     ) -> Callable[[list[Row]], Any] | None:
-        """What makes such a value of rows with these columns; None where it takes more than the rows."""
+        """What makes such a value of rows with these columns; None where it takes more than the rows.
+
+        Its size is checked, unless it is `known` to fit.
+        """
         if not self._shares_values(form):
             return None
-        make, check, pause = SHARED_FORMS[form.name], sizes.check_value, sizes.pause
+        make, pause = SHARED_FORMS[form.name], sizes.pause
         short = ITEMS_PER_CHECK if form.name == "list" else -1  # lists without a table: 0.4 us in place of 1.2
 
         def shape_rows(rows: list[Row]) -> Any:
             plain = len(rows) <= short
-            return check(list(chain.from_iterable(rows)) if plain else make(Table(columns, rows, check=pause)))
+            return list(chain.from_iterable(rows)) if plain else make(Table(columns, rows, check=pause))
 
-        return shape_rows
+        return shape_rows if known else lambda rows: sizes.check_value(shape_rows(rows))
 
     def share_values(self, form: plan.Representation, rows: Rows, sizes: ValueSizes) -> Any:
         """Such a value.
