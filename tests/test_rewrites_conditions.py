@@ -151,6 +151,7 @@ PEOPLE = [{"id": 1, "age": 30, "name": "Ada"}, {"id": 2, "age": None, "name": No
         ("age - 1 WHERE age != None", "SELECT\n  p.age - 1", [29, 49]),
         ("IF(age == None; 0; age * 2)", "ELSE p.age * 2", [60, 0, 100]),
         ("IF(age != None; age * 2; 0)", "THEN p.age * 2 ELSE 0", [60, 0, 100]),
+        ("p.id WHERE age == max(SELECT age FROM people WHERE age != None AS list)", "MAX(people.age)", [3]),
         ("p.id WHERE name != None AND name + '!' < 'B'", "p.name || '!' < 'B'", [1]),
     ],
 )

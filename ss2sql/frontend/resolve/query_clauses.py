@@ -184,7 +184,7 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     if query.grouped:
         query = resolve_groups(resolver, query)
     query = add_hidden_columns(resolver, query)
-    return plan.Subquery(query, _resolve_value_type(query), span=tree.span)
+    return plan.Subquery(query, infer_value_type(query), span=tree.span)
 
 
 def _check_distinct(resolver: Resolver, tree: ast.Query) -> None:
@@ -495,7 +495,7 @@ def _resolve_representation(
     return plan.Representation(name, arguments, named, tree.span)
 
 
-def _resolve_value_type(query: plan.Query) -> Type:
+def infer_value_type(query: plan.Query) -> Type:
     """The type of the query's value, for representations of the language."""
     kinds = [limit_type_depth(output.expr.type) for output in query.columns]
     if query.representation.labels or any(output.label for output in query.columns):

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, cast
 
+from ss2sql.frontend.resolve.query_clauses import infer_value_type
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, Kind
 from ss2sql.language.operations import OPERATIONS
@@ -53,7 +54,13 @@ def _narrow_node(node: Any, known: Reads) -> Any:
         case plan.Query(where=where, sources=sources, search=None):
             shown = known | _find_not_none(where, True)
             before = {id(where), *map(id, sources)}
-            return rewrite_parts(node, lambda part: _narrow_node(part, known if id(part) in before else shown))
+            new = rewrite_parts(node, lambda part: _narrow_node(part, known if id(part) in before else shown))
+            columns = tuple(replace(output, expr=_narrow_read(output.expr, shown)) for output in new.columns)
+            return new if columns == new.columns else replace(new, columns=columns)
+        case plan.Subquery(query=query, type=kind):
+            new = _narrow_node(query, known)
+            same = kind != infer_value_type(query)
+            return node if new is query else replace(node, query=new, type=kind if same else infer_value_type(new))
         case plan.Call(function=plan.Function(builtin=True)):
             arguments = tuple(_narrow_read(_narrow_node(part, known), known) for part in node.arguments)
             return node if arguments == node.arguments else _retype_call(node, arguments)
