@@ -7,7 +7,6 @@ MuJoCo, and `mj_forward` updates them. Reading computes nothing anew, because th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from functools import cached_property
 from importlib import import_module
 from itertools import product
@@ -128,11 +127,14 @@ class MuJoCoWorld(BodyWorld):
         planes, which have no distance in MuJoCo.
         """
         measure = import_module("mujoco").mj_geomDistance
-        first, second = self._list_solids(one), self._list_solids(other)
-        first, second = (first - second, second) if second <= first else (first, second - first)
-        pairs = product(first, second)
+        pairs = product(*self._list_opposed(one, other))
         least = min((measure(self.model, self.data, a, b, FURTHEST, None) for a, b in pairs), default=FURTHEST)
         return inf if least >= FURTHEST else float(least)
+
+    def _list_opposed(self, one: int, other: int) -> tuple[frozenset[int], frozenset[int]]:
+        """The shapes of two bodies, none of them in both."""
+        first, second = self._list_solids(one), self._list_solids(other)
+        return (first - second, second) if second <= first else (first, second - first)
 
     def list_parts(self, body: int) -> range:
         """A body and all that hangs on it; of `world` nothing does. MuJoCo numbers bodies depth first."""
@@ -155,45 +157,41 @@ class MuJoCoWorld(BodyWorld):
             self._solids[body] = frozenset(np.flatnonzero(own).tolist())
         return self._solids[body]
 
+    def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
+        first, second = self._list_opposed(one, other)
+        return self._do_shapes_touch(self.data, first, np.array(sorted(second), int), margin)
+
     def is_touching(self, body: int, margin: float = 0.0) -> bool:
-        data = self.data
-        if margin > 0:
-            data = self._data_copy
-            import_module("mujoco").mj_copyData(data, self.model, self.data)
-            self._find_contacts(data, margin)
-        return self._is_touching_in(data, body, margin)
+        return self._is_touching_in(self.data, body, margin)
 
     def _is_touching_in(self, data: Any, body: int, margin: float) -> bool:
-        contacts = data.contact
-        own = self._are_parts(body, self.model.geom_bodyid[contacts.geom[contacts.dist <= margin]])
-        return bool((own[:, 0] != own[:, 1]).any())
+        others = np.flatnonzero(~self._are_parts(body, self.model.geom_bodyid))
+        return self._do_shapes_touch(data, self._list_solids(body), others, margin)
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
         """Tests the pose in a copy of the data."""
-        mujoco, data = import_module("mujoco"), self._data_copy
+        data = self._data_copy
         for name in ("qpos", "mocap_pos", "mocap_quat"):
             getattr(data, name)[:] = getattr(self.data, name)
         self._move_body(data, body, position, turn)
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
-        self._find_contacts(data, margin)
+        import_module("mujoco").mj_kinematics(self.model, data)
         return self._is_touching_in(data, body, margin)
 
-    def _find_contacts(self, data: Any, margin: float) -> None:
-        """Has MuJoCo find what comes nearer than a margin."""
-        mujoco, model, known = import_module("mujoco"), self.model, self.memory
-        if margin > 0:
-            if "model" not in known:
-                known["model"] = copy(model)  # the model itself may be in use elsewhere
-            model = known["model"]
-            model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_OVERRIDE
-            model.opt.o_margin = margin
-        try:
-            mujoco.mj_collision(model, data)
-        except mujoco.FatalError as reason:  # where all bodies of the world are nearer than the margin
-            self.__dict__.pop("_data_copy")  # MuJoCo has left it halfway
-            hints = ("choose a smaller margin, or FROM space.closest(a, b, distance)",)
-            raise ExecutionError("X007", f"MuJoCo cannot look {margin:g} m far: {reason}", hints=hints) from reason
+    def _do_shapes_touch(self, data: Any, first: frozenset[int], second: Array, margin: float) -> bool:
+        """Whether one of the first shapes comes nearer to one of the second than a margin, if these may touch.
+
+        By `mj_geomDistance`, since `mj_collision` leaves out what stands still, mocap bodies among it. Farther than a
+        margin it need not look: told to, it finds no terrain.
+        """
+        measure, furthest = import_module("mujoco").mj_geomDistance, max(margin, 0.0) + 0.01
+        centres, radii = data.geom_xpos, self.shapes.radii
+        for shape in first:
+            near = second[self.shapes.list_partners(shape)[second]]
+            gaps = np.linalg.norm(centres[near] - centres[shape], axis=1) - radii[near] - radii[shape]
+            for other in near[gaps < margin + 1e-6].tolist():
+                if measure(self.model, data, shape, other, furthest, None) <= margin:
+                    return True
+        return False
 
     @cached_property
     def _data_copy(self) -> Any:

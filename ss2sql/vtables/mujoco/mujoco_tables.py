@@ -49,19 +49,49 @@ class MuJoCoShapes:
         self.model = model
         self.data = data
 
+        self._partners: dict[int, Array] = {}
+
+    @cached_property
+    def touchable_shapes(self) -> Array:
+        """Whether anything can collide with a shape."""
+        model = self.model
+        touches: Array = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        touches[model.pair_geom1] = touches[model.pair_geom2] = True
+        return touches
+
     @cached_property
     def touchable_bodies(self) -> Array:
         """Whether anything can collide with a body."""
-        model = self.model
-        touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-        return np.asarray(np.bincount(model.geom_bodyid[touches], minlength=model.nbody) > 0)
+        owners = self.model.geom_bodyid[self.touchable_shapes]
+        return np.asarray(np.bincount(owners, minlength=self.model.nbody) > 0)
 
     @cached_property
     def solid_shapes(self) -> Array:
         """Whether a shape counts for its body: it can touch others, or the body has none that can."""
-        model = self.model
-        touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-        return np.asarray(touches | ~self.touchable_bodies[model.geom_bodyid])
+        return np.asarray(self.touchable_shapes | ~self.touchable_bodies[self.model.geom_bodyid])
+
+    @cached_property
+    def radii(self) -> Array:
+        """Those of the spheres around the shapes, which MuJoCo gives as 0 for planes."""
+        return np.where(self.model.geom_type == PLANE, np.inf, self.model.geom_rbound)
+
+    def list_partners(self, shape: int) -> Array:
+        """Whether each shape may touch this one: by MuJoCo's own filters, except that what stands still may touch."""
+        if shape not in self._partners:
+            model, bodies = self.model, self.model.geom_bodyid
+            kinds, wanted, body = model.geom_contype, model.geom_conaffinity, bodies[shape]
+            may = ((kinds & wanted[shape]) | (kinds[shape] & wanted)) != 0
+            weld = model.body_weldid[bodies]  # 0 of all that stands still
+            piece = np.where(weld == 0, model.body_rootid[bodies], weld)
+            may &= piece != piece[shape]
+            if weld[shape] and not model.opt.disableflags & import_module("mujoco").mjtDisableBit.mjDSBL_FILTERPARENT:
+                parent = model.body_weldid[model.body_parentid[weld]]
+                may &= (weld == 0) | ((weld != parent[shape]) & (parent != weld[shape]))
+            may &= ~np.isin((np.minimum(bodies, body) << 16) + np.maximum(bodies, body), model.exclude_signature)
+            for one, other in ((model.pair_geom1, model.pair_geom2), (model.pair_geom2, model.pair_geom1)):
+                may[other[one == shape]] = True
+            self._partners[shape] = may
+        return self._partners[shape]
 
     def list_body_kinds(self) -> Array:
         """The kind of the only shape of each body, else `compound` or `ghost`."""
