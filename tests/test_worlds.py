@@ -61,6 +61,28 @@ def test_a_name_can_get_another_meaning(ss: ss2sql.Session, box: Box, engine: An
     assert code_of(ss.run, "mass(1);", engine=engine) == "R002"
 
 
+def test_representations_of_a_world_come_and_go_with_it_and_never_replace_that_of_the_user(
+    ss: ss2sql.Session, box: Box, engine: Any
+) -> None:
+    query = ss.compile("SELECT 7 FROM [1] AS weight;")
+    other = BallWorld(box)
+    other.weight = lambda table: -1.0  # type: ignore[method-assign]
+    ss.attach("other", other)
+    assert query.run(engine=engine).value == -1  # of the world that was attached last
+    ss.detach("other")
+    assert query.run(engine=engine).value == 7
+    ss.representation("Weight")(lambda table: "mine")
+    ss.attach("other", BallWorld(box))
+    for name in ("other", "space"):
+        assert query.run(engine=engine).value == "mine"
+        ss.detach(name)
+    assert query.run(engine=engine).value == "mine"
+    with ss2sql.connect() as without:
+        without.attach("space", BallWorld(box))
+        without.detach("space")
+        assert code_of(without.run, "SELECT 7 FROM [1] AS weight;", engine=engine) == "R006"
+
+
 def test_a_world_hides_a_table_of_the_database(box: Box, engine: Any) -> None:
     ss = ss2sql.connect()
     ss.host.connection.execute("CREATE TABLE space(id); INSERT INTO space VALUES (77)")

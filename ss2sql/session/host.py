@@ -209,6 +209,7 @@ class SessionHost:
         self.memories = QueryCaches()
         self.tables = Tables(connection)
         self.shapes = Representations(limits.max_size)
+        self.own_representations: dict[str, Callable[..., Any]] = {}
         self.functions: dict[str, UserFunction] = {}
         self.world_functions: dict[str, UserFunction] = {}  # by the names that scripts use
         self.planned: dict[str, UserFunction] = {}  # by the names that plans use
@@ -306,9 +307,6 @@ class SessionHost:
 
         attached = AttachedWorld(name, world, self.database.worlds.choose_name)
         self.names.attach_source(name, world, attached)
-        for word, method in world.representations.items():
-            if word.lower() not in REPRESENTATIONS:
-                self.shapes.functions[word.lower()] = getattr(world, method)
         self._name_world_functions()
         scene = getattr(world, "scene", None) or world.source  # an adapter may call the scene's simulator directly
         listeners = getattr(scene, "listeners", None)
@@ -347,7 +345,16 @@ class SessionHost:
 
         self.world_functions.clear()
         self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).list_functions())
+        self.collect_representations()
         self._collect_functions()
+
+    def collect_representations(self) -> None:
+        """The representations: a user's replaces any other of its name, a world's that of a world attached before."""
+        brought: dict[str, Callable[..., Any]] = {}
+        for attached in self.names.worlds.values():
+            for word, method in attached.world.representations.items():
+                brought[word.lower()] = getattr(attached.world, method)
+        self.shapes.functions = REPRESENTATIONS | brought | REPRESENTATIONS | self.own_representations
 
     # --- what the compiler reads ------------------------------------------------------------------------
 

@@ -241,7 +241,8 @@ class Session:
         self._check_name(name)
 
         def register_body(body: F) -> F:
-            self.host.shapes.functions[name.lower()] = body
+            self.host.own_representations[name.lower()] = body
+            self.host.collect_representations()
             self.host.generation += 1
             return body
 
