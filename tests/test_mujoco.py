@@ -185,6 +185,26 @@ def test_boxes_hold_the_outermost_points_of_turned_shapes(ss: ss2sql.Session, en
         assert (low, high) == (pytest.approx([1 - x, 2 - y, 3 - z]), pytest.approx([1 + x, 2 + y, 3 + z]))
 
 
+def test_the_box_of_a_mesh_is_that_of_its_points(ss: ss2sql.Session, engine: Any) -> None:
+    """Of one whose convex hull MuJoCo has, with more points inside, and of one that nothing can touch."""
+    points = np.random.default_rng(1).normal(size=(40, 3))
+    ball = " ".join(map(str, np.vstack((points, points / 3)).ravel()))
+    turned = 'pos="1 2 3" quat=".3 .2 .5 .1"'
+    model, data = MuJoCo().made(
+        f"""<body {turned}><geom type="mesh" mesh="ball"/></body>
+            <body {turned}><geom type="mesh" mesh="seen" contype="0" conaffinity="0"/></body>""",
+        f'''<asset><mesh name="ball" vertex="{ball}" scale="1 .5 2"/>
+            <mesh name="seen" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>''',
+    )
+    ss.attach("space", data)
+    boxes = answer(ss, "SELECT aabb FROM space.geoms AS list;", engine)
+    for geom, mesh in enumerate(model.geom_dataid):
+        first = model.mesh_vertadr[mesh]
+        corners = model.mesh_vert[first : first + model.mesh_vertnum[mesh]] @ data.geom_xmat[geom].reshape(3, 3).T
+        corners += data.geom_xpos[geom]
+        assert np.allclose(boxes[geom], [corners.min(axis=0), corners.max(axis=0)], atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("condition", "names"),
     [("isRobot", ["base", "arm"]), ("isSensor(this)", ["arm"]), ("hasBody(this)", ["ball", "crate", "arm", "lift"]),

@@ -127,6 +127,19 @@ class MuJoCoShapes:
             found.append(abs(float(np.einsum("ij,ij->", first, np.cross(second, third)))) / 6)
         return found
 
+    @cached_property
+    def mesh_corners(self) -> list[Array]:
+        """The outermost points of each mesh: its convex hull, where MuJoCo has computed one for collisions."""
+        model, found = self.model, []
+        for mesh in range(model.nmesh):
+            start, hull = model.mesh_vertadr[mesh], model.mesh_graphadr[mesh]
+            chosen = np.arange(model.mesh_vertnum[mesh])
+            if hull >= 0:  # MuJoCo's numbers: of points, of faces, an address for each point, the points
+                first = hull + 2 + model.mesh_graph[hull]
+                chosen = model.mesh_graph[first : first + model.mesh_graph[hull]]
+            found.append(model.mesh_vert[start + chosen].astype(float))
+        return found
+
     def measure_body_volumes(self) -> Array:
         model, solid = self.model, self.solid_shapes
         return np.bincount(model.geom_bodyid[solid], weights=self.measure_volumes()[solid], minlength=model.nbody)
@@ -150,6 +163,9 @@ class MuJoCoShapes:
         )  # fmt: skip
         middle = np.where((kind == PLANE)[:, None], data.geom_xpos, centre)
         boxes = np.stack((middle - half, middle + half), axis=1)
+        for mesh in np.flatnonzero(kind == MESH):
+            corners = self.mesh_corners[model.geom_dataid[mesh]] @ axes[mesh].T + data.geom_xpos[mesh]
+            boxes[mesh] = corners.min(axis=0), corners.max(axis=0)
         for plane in np.flatnonzero(kind == PLANE):  # that of a plane along two axes ends at its front
             normal = upright[plane]
             axis = int(np.argmax(np.abs(normal)))
