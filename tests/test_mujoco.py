@@ -12,6 +12,7 @@ from simulators import ARGUMENTS, MuJoCo, agree, answer
 
 import ss2sql
 from ss2sql.vtables.mujoco import MuJoCoWorld
+from ss2sql.vtables.mujoco.mujoco_tables import MuJoCoGeoms, MuJoCoJoints
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
 ROBOT = """
@@ -246,6 +247,23 @@ def test_sensors_geoms_and_joints(robot: tuple[Any, Any], ss: ss2sql.Session, en
     ]
     joined = "SELECT b.name FROM j = space.joints, b = space WHERE j.body == b.id AND j.name == 'rail' AS list;"
     assert answer(ss, joined, engine) == ["lift"]
+
+
+@pytest.mark.parametrize("table", ["geoms", "joints"])
+def test_parts_are_looked_up_by_their_body(
+    robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any, table: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part, given = {"geoms": MuJoCoGeoms, "joints": MuJoCoJoints}[table], []
+    keys = part.keys
+    monkeypatch.setattr(part, "keys", lambda self, where: given.append(list(keys(self, where))) or given[-1])
+    wanted = answer(ss, f"SELECT body, id FROM space.{table} AS rows;", engine)
+    for body in range(robot[0].nbody):
+        given.clear()
+        found = answer(ss, f"SELECT id FROM space.{table} WHERE body == {body} AS list;", engine)
+        assert found == [number for owner, number in wanted if owner == body]
+        assert given == [found]
+    for nobody in (-1, 0.5, 99):
+        assert answer(ss, f"SELECT id FROM space.{table} WHERE body == {nobody} AS list;", engine) == []
 
 
 def test_contacts_are_those_of_mujoco(robot: tuple[Any, Any], engine: Any, ss: ss2sql.Session) -> None:

@@ -211,12 +211,18 @@ class _Numbered(Table):
     as_elements = True  # but for bodies: what functions get by its number is a body
     count: ClassVar[str]  # the attribute of the model with their number
     kind: ClassVar[str]  # of elements, as MuJoCo calls it
+    short = ""  # the same in the names of the arrays that tell which of them a body has
     world: MuJoCoWorld
 
     def keys(self, where: Where) -> Iterable[int]:
-        number, name = where.equal("id"), where.equal("name")
+        number, name, body, model = where.equal("id"), where.equal("name"), where.equal("body"), self.world.model
         if number is not None:
             return [int(number)] if number % 1 == 0 and 0 <= number < self.size else []
+        if body is not None:
+            if body % 1 != 0 or not 0 <= body < model.nbody:
+                return []
+            first = getattr(model, f"body_{self.short}adr")[int(body)]
+            return range(first, first + getattr(model, f"body_{self.short}num")[int(body)])
         return range(self.size) if name is None else [n for n, known in enumerate(self.names) if known == name]
 
     @property
@@ -334,12 +340,12 @@ class MuJoCoBodies(_Oriented):
 
 
 class MuJoCoGeoms(_Oriented):
-    name, count, kind = "geoms", "ngeom", "geom"
+    name, count, kind, short = "geoms", "ngeom", "geom", "geom"
     text = "the shapes of the bodies"
     columns = (
         Column("id", int, "", "the number of the shape", "="),
         Column("name", str, "", "its name", "="),
-        Column("body", int, "", "the id of its body"),
+        Column("body", int, "", "the id of its body", "="),
         Column("size", VECTOR, "m", "its size as MuJoCo has it: half edges; radius and half length"),
         *(replace(c, filter="") for c in make_body_columns() if c.name in _GEOM_COLUMNS),
     )
@@ -369,13 +375,13 @@ class MuJoCoGeoms(_Oriented):
 
 
 class MuJoCoJoints(_Numbered):
-    name, count, kind = "joints", "njnt", "joint"
+    name, count, kind, short = "joints", "njnt", "joint", "jnt"
     text = "the joints by which bodies move"
     columns = (
         Column("id", int, "", "the number of the joint", "="),
         Column("name", str, "", "its name", "="),
         Column("type", str, "", "free, ball, slide or hinge"),
-        Column("body", int, "", "the id of the body that it moves"),
+        Column("body", int, "", "the id of the body that it moves", "="),
         Column("angle", float | None, "rad or m", "how far it is turned, or slid; None of others"),
         Column("speed", float | None, "rad/s or m/s", "how fast it turns or slides; None of others"),
         Column("lower", float | None, "rad or m", "how far it can go down; None without an end"),
