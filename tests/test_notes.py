@@ -148,6 +148,9 @@ def test_an_element_of_a_world_never_equals_a_text_or_number(client) -> None:
             ("name FROM space WHERE obj IN ['YouBot']", "write obj.name IN ['YouBot']"),
             ("a.id FROM space.contacts WHERE 'YouBot' == a", "write 'YouBot' == a.name"),
             ("l.name FROM b = space JOIN l = space.links ON l.body == b.this", "write l.body == b.this.id"),
+            ("l.name FROM l = space.links WHERE l.body == 'YouBot'", "write space.name(l.body) == 'YouBot'"),
+            ("idB FROM space.contacts WHERE idA IN ['YouBot']", "write space.name(idA) IN ['YouBot']"),
+            ("b.mass FROM b = space WHERE 'YouBot' == b.id", "write 'YouBot' == b.name"),
         ):
             (note,) = ss.run(f"SELECT {query} AS list;").notes
             assert note.endswith(cure)
@@ -155,6 +158,7 @@ def test_an_element_of_a_world_never_equals_a_text_or_number(client) -> None:
             cured = ss.run(f"SELECT {start[0]}{start[1]}{cure.removeprefix('write ')} AS list;")
             assert cured.notes == ()
         assert ss.run("SELECT a.name FROM a = space, b = space WHERE a.this == b.obj;").notes == ()
+        assert ss.eval("SELECT count(*) FROM l = space.links WHERE space.name(l.body) == 'YouBot' AS value;") > 1
 
 
 @pytest.mark.parametrize("engine", ["native", "auto"])

@@ -301,6 +301,12 @@ def _note_unequal_kinds(nodes: list[plan.Node]) -> Iterator[str]:
         if listed:
             types[1] = types[1].element or NOTHING
         kinds = [each.kinds & ~Kind.NONE for each in types]
+        for number, side in enumerate(sides):
+            if isinstance(side, plan.Column) and side.source in worlds and kinds[1 - number] == Kind.STR:
+                named = _find_name_of_body(side, texts[number], worlds[side.source])
+                if named:
+                    what, texts[number] = texts[number], named
+                    yield f"{what} is an id, and never equals a text; write {' '.join((texts[0], sign, texts[1]))}"
         place = 0 if kinds[0] == Kind.OBJECT else 1
         other = kinds[1 - place]
         if kinds[place] != Kind.OBJECT or not other or other & ~_PLAIN:
@@ -322,6 +328,17 @@ def _note_unequal_kinds(nodes: list[plan.Node]) -> Iterator[str]:
         else:
             cure = "compare values of one kind"
         yield f"{what} a {'text' if other == Kind.STR else 'number'}; {cure}"
+
+
+def _find_name_of_body(column: plan.Column, shown: str, source: plan.WorldSource) -> str:
+    """What gives the name of the body whose id a column of a simulator is; empty of other columns."""
+    table = source.table
+    if column.type.is_only(Kind.INT) and hasattr(table.world, "find_body"):
+        if column.name in ("body", "idA", "idB"):
+            return f"{table.world_name}.name({shown})"
+        if column.name == "id" and "name" in table.schema.kinds:
+            return f"{shown[:-2]}name"
+    return ""
 
 
 # --- times of data frames, which are texts
