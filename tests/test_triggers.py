@@ -176,3 +176,25 @@ def test_a_scene_that_steps_looks_after_triggers_by_its_own_clock() -> None:
     stepper.step(50)
     assert heard == [1, 2, 3, 4, 5, 6, 7, 8]
     assert stepper.listeners == []
+
+
+def test_a_detached_scene_runs_no_triggers_and_the_next_one_of_its_name_goes_on_with_them() -> None:
+    old, new = Stepper(time=0.0), Stepper(time=0.0)
+    old.listeners, new.listeners = [], []
+    heard: list[Any] = []
+    with ss2sql.connect() as ss:
+        for name in ("space", "same"):
+            ss.attach(name, BallWorld(old))
+        ss.on_change("len(SELECT id FROM space AS list);", every=0.1)(heard.append)
+        ss.detach("same")
+        old.step(20)
+        ss.detach("space")
+        old.step(20)
+        assert (heard, old.listeners) == ([1, 2], [])
+        assert code_of(ss.poll) == "R003"
+        ss.attach("space", BallWorld(new))
+        new.step(30)
+        assert heard == [1, 2, 0, 1, 2]  # at 0.01, 0.11 and 0.21 s
+        ss.attach("space", BallWorld(old))
+        assert new.listeners == []
+        assert len(old.listeners) == 1

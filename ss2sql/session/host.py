@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import field, replace
 from functools import cache, cached_property, wraps
@@ -308,18 +308,24 @@ class SessionHost:
         attached = AttachedWorld(name, world, self.database.worlds.choose_name)
         self.names.attach_source(name, world, attached)
         self._name_world_functions()
-        scene = getattr(world, "scene", None) or world.source  # an adapter may call the scene's simulator directly
-        listeners = getattr(scene, "listeners", None)
-        if isinstance(listeners, list) and self.triggers.run_due not in listeners:
-            listeners.append(self.triggers.run_due)
-            self.watched_scenes.append(listeners)
+
+    def _watch_scenes(self, worlds: Iterable[AttachedWorld]) -> None:
+        """Has the scenes of these worlds look after the triggers while they step, and no other scenes."""
+        poll = self.triggers.run_due
+        for listeners in self.watched_scenes:
+            if poll in listeners:
+                listeners.remove(poll)
+        # an adapter may call the scene's simulator directly
+        scenes = [getattr(attached.world, "scene", None) or attached.world.source for attached in worlds]
+        watched = [getattr(scene, "listeners", None) for scene in scenes]
+        self.watched_scenes = [listeners for listeners in watched if isinstance(listeners, list)]
+        for listeners in self.watched_scenes:
+            if poll not in listeners:
+                listeners.append(poll)
 
     def end_triggers(self) -> None:
         """Ends all triggers, which no scene polls any more."""
-        for listeners in self.watched_scenes:
-            if self.triggers.run_due in listeners:
-                listeners.remove(self.triggers.run_due)
-        self.watched_scenes.clear()
+        self._watch_scenes(())
         self.triggers.all.clear()
 
     @contextmanager
@@ -346,6 +352,7 @@ class SessionHost:
         self.world_functions.clear()
         self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).list_functions())
         self.collect_representations()
+        self._watch_scenes(self.names.worlds.values())
         self._collect_functions()
 
     def collect_representations(self) -> None:
