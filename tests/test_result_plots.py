@@ -108,7 +108,10 @@ def test_series_have_an_axis_of_time(ss: ss2sql.Session, spell: Callable[[dateti
 def test_times_that_make_no_line(ss: ss2sql.Session) -> None:
     ss.set("log", [{"at": time, "x": 1, "place": [1, 2]} for time in (MORNING[1], None, MORNING[0])])
     assert ss.run("SELECT at, x FROM log;").plot().get_title() == "2 points"
-    assert ss.run("SELECT at, place, x FROM log;").plot().get_xlabel() == "x"
+    ax = ss.run("SELECT at, place, x FROM log;").plot()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x of place", "y of place")
+    assert ax.get_title() == "3 points, without x"
+    assert ax.get_aspect() == 1
     labels = ss.run("SELECT at, x FROM log;").plot(kind="bars").get_yticklabels()
     assert [label.get_text() for label in labels] == ["2024-01-01T08:10:00", "None", "2024-01-01T08:00:00"]
     for select in ("at, x, x + 1", "at, place[0], str(x), x"):

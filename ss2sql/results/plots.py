@@ -147,7 +147,9 @@ def _choose_flat_drawing(result: Result, kind: str, own: bool) -> Draw:
     elif kind in ("auto", "points") and pointed:
         place = pointed[0]
         names = next((index for index in labels if index != place), None)
-        return lambda ax, most: _draw_scatter_plot(("x", "y"), series, lambda row: row[place], names, ax)
+        axes = f"x of {columns[place]}", f"y of {columns[place]}"
+        left = f", without {', '.join(columns[index] for index in numbers)}" if numbers else ""
+        return lambda ax, most: _draw_scatter_plot(axes, series, lambda row: row[place], names, ax) + left
     elif numbers:
         rising = all(
             None not in xs and all(a < b for a, b in pairwise(xs))
@@ -311,7 +313,7 @@ def _draw_scatter_plot(
             ax.annotate(shown, place, xytext=(4, 4), textcoords="offset points", fontsize=8)
     ax.set_xlabel(names[0])
     ax.set_ylabel(names[1])
-    if tuple(names) == ("x", "y") and not dated:
+    if [name.partition(" of ")[0] for name in names] == ["x", "y"] and not dated:
         ax.set_aspect("equal", adjustable="datalim")
     _draw_names(ax, len(series))
     ax.grid(alpha=0.25)
