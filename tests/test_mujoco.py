@@ -57,6 +57,13 @@ def test_queries_over_a_robot_give_what_loops_give(robot: tuple[Any, Any], ss: s
         mujoco.mj_forward(*robot)
 
 
+def test_a_pair_of_model_and_data_is_their_world(ss: ss2sql.Session, robot: tuple[Any, Any], engine: Any) -> None:
+    for pair in (robot, list(robot)):
+        ss.attach("pair", pair)
+        wanted = answer(ss, "SELECT name, x FROM space AS rows;", engine)
+        assert answer(ss, "SELECT name, x FROM pair AS rows;", engine) == wanted
+
+
 def test_a_model_without_data_is_refused_with_the_cure(ss: ss2sql.Session, robot: tuple[Any, Any]) -> None:
     with pytest.raises(ss2sql.SessionError, match="attach its MjData"):
         ss.attach("model", robot[0])

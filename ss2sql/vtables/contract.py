@@ -500,6 +500,8 @@ def _load_adapter(place: str) -> type[World]:
 def make_attachable(name: str, source: Any) -> Any:
     """The object to attach for `source`: an iterator becomes a list, a number may mean a client of PyBullet.
 
+    A pair of a model and data of MuJoCo is their world.
+
     Raises SessionError S002 for the path of a file that cannot be attached.
     """
     ending = find_file_ending(source)
@@ -513,6 +515,8 @@ def make_attachable(name: str, source: Any) -> Any:
         number = 0 if source is pybullet else source  # the default client of its functions
         if pybullet.getConnectionInfo(number)["isConnected"]:
             return _load_adapter(SHIPPED_ADAPTERS["ss2sql.vtables.pybullet.scene.Scene"])(number)
+    if isinstance(source, (tuple, list)) and [type(part).__qualname__ for part in source] == ["MjModel", "MjData"]:
+        return _load_adapter(SHIPPED_ADAPTERS["mujoco._structs.MjData"])(*source)
     from ss2sql.language.conversion import is_iterator_value
 
     return list(source) if is_iterator_value(source) else source
