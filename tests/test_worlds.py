@@ -43,6 +43,20 @@ def test_adapters_are_found_by_type_and_by_the_object_itself(box: Box, engine: A
             assert any("write an adapter" in hint for hint in caught.value.hints)
 
 
+@pytest.mark.parametrize(
+    ("start", "condition", "cure"),
+    [("SELECT id FROM found", "mass > 20", "mass(this)"), ("SELECT o.id FROM o = found", "20 < mass", "mass(this)"),
+     ("SELECT o.id FROM n = [1], o = found", "mass > 20", "mass(o.this)")],
+)  # fmt: skip
+def test_a_column_of_elements_in_a_variable(ss: ss2sql.Session, start: str, condition: str, cure: str) -> None:
+    ss.run("found = SELECT this FROM space AS list;")
+    with pytest.raises(ss2sql.ResolveError, match="unknown name 'mass'") as caught:
+        ss.run(f"{start} WHERE {condition} AS list;")
+    assert caught.value.hints == (f"'mass' is a function of elements, too: write {cure}",)
+    wanted = ss.eval("SELECT id FROM space WHERE mass > 20 AS list;")
+    assert ss.eval(f"{start} WHERE {condition.replace('mass', cure)} AS list;") == wanted != []
+
+
 def test_a_name_can_get_another_meaning(ss: ss2sql.Session, box: Box, engine: Any) -> None:
     query = ss.compile("SELECT id FROM space AS list;")
     assert query.run(engine=engine).value == [1, 2, 3, 4, 5]

@@ -524,12 +524,16 @@ def explain_unknown_name(
     """The error for an unknown bare name; as an operand it may be meant as a string."""
     sources = [source for level in list_scopes(scope) for source in level.sources]
     shown = next((level.shown[name] for level in list_scopes(scope) if name in level.shown), None)
+    holding = [one for one in sources if not isinstance(one, plan.TableSource) and one.element.may_be(Kind.OBJECT)]
     hints: tuple[str, ...]
     if shown is not None:
         hints = (f"'{name}' is a column that SELECT makes; write {shown} here",)
     elif name in catalog.functions:
         hints = (f"'{name}' is a function: write {name}({'this' if scope else '...'})",)
         hints += (f"its name as a text is '{name}'",) if operand and not scope else ()
+    elif name in catalog.world_functions and holding and catalog.unknown != "missing":
+        this = "this" if len(sources) == 1 else f"{holding[0].name}.this"
+        hints = (f"'{name}' is a function of elements, too: write {name}({this})",)
     elif any(source.name == name for source in sources):
         hints = (f"'{name}' is a source: write {name}.this",)
     elif name.upper() in _ORACLE:
@@ -544,13 +548,11 @@ def explain_unknown_name(
         cure = f"assign it before, or give it a value: run(script, {name}=...), on a command line -p {name} VALUE"
         hints = suggest_names(name, known)
         hints += tuple(one.hides for one in sources if isinstance(one, plan.ValueSource) and one.hides)
-        objects = [source.name for source in sources if _is_object_variable(source)]
-        hints += tuple(
-            f"'{one}' is one object; of a data frame let a function return to_dict('list')" for one in objects
-        )
-        if operand and not objects and not suggest_similar(name, known):
+        alone = [source.name for source in sources if _is_object_variable(source)]
+        hints += tuple(f"'{one}' is one object; of a data frame let a function return to_dict('list')" for one in alone)
+        if operand and not alone and not suggest_similar(name, known):
             hints += (f"a text stands in quotes: '{name}'",)
-        if not objects and (operand or not hints):
+        if not alone and (operand or not hints):
             hints += (cure,)
     return ResolveError("R001", f"unknown name '{name}'", span, hints)
 
@@ -563,11 +565,8 @@ def _write_search_key(scope: Scope | None) -> str:
 
 def _is_object_variable(source: plan.Source) -> bool:
     """Whether a source is a variable that holds an object of Python, which stands in FROM as one row."""
-    match source:
-        case plan.ValueSource(value=plan.Variable(type=kind)):
-            return kind.is_only(Kind.OBJECT)
-        case _:
-            return False
+    value = source.value if isinstance(source, plan.ValueSource) else None
+    return isinstance(value, plan.Variable) and value.type.is_only(Kind.OBJECT)
 
 
 def read_leading_name(span: Span, name: str) -> Span:
