@@ -42,6 +42,25 @@ def test_a_closed_session_says_so() -> None:
         assert "ss2sql.connect()" in caught.value.hints[0]
 
 
+def test_sessions_and_queries_tell_what_they_are(tmp_path: Path) -> None:
+    with ss2sql.connect() as ss:
+        assert repr(ss) == "<session in memory>"
+        ss.set("limit", 1)
+        ss.attach("towns", ["Ulm"])
+        assert repr(ss) == "<session in memory, knows limit, towns>"
+        assert repr(ss.compile("1 +\n  1;\n")) == "<query 1 + 1>"
+        assert repr(ss.compile("SELECT this FROM towns WHERE this > k;")) == (
+            "<query SELECT this FROM towns WHERE this > k; takes k>"
+        )
+        assert len(repr(ss.compile(" + ".join(["1"] * 99)))) == 78
+        for number in range(20):
+            ss.set(f"x{number}", 1)
+        assert len(repr(ss)) < 100
+    with ss2sql.connect(tmp_path / "new.db") as ss:
+        pass
+    assert repr(ss) == f"<session on {tmp_path / 'new.db'}, closed>"
+
+
 # --- running -------------------------------------------------------------------------------------------
 
 

@@ -247,6 +247,11 @@ class Query:
         """Where the script calls functions of the user; empty if that is not known."""
         return list_plan_calls(*(statement.expr for statement in self._program.statements))
 
+    def __repr__(self) -> str:
+        text = " ".join(self._script.span.text.rstrip("; \n").split())
+        takes = f"; takes {', '.join(self.parameters)}" if self.parameters else ""
+        return f"<query {text if len(text) <= 70 else text[:67] + '...'}{takes}>"
+
     @property
     def plan(self) -> plan.Program:
         return self._program

@@ -144,6 +144,7 @@ class Session:
         self.timeout = timeout
         self.progress = progress
         self._closed = False
+        self._place = "in memory" if path is None else f"on {os.fspath(path)}"
         self._texts: dict[Any, Query] = {}  # that were run, with their engines; the latest is the last
         file = None if path is None else TemporalFile(connection)
         self.engine: Engine = engine
@@ -518,6 +519,11 @@ class Session:
         self.interrupt()
         with defer_keyboard_interrupt():
             self.host.session_lock.release_resources()
+
+    def __repr__(self) -> str:
+        names = list(self.host.names)
+        known = f", knows {', '.join(names[:8])}{', ...' if len(names) > 8 else ''}" if names else ""
+        return f"<session {self._place}{', closed' if self._closed else known}>"
 
     def __enter__(self) -> Session:
         return self
