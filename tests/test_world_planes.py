@@ -259,6 +259,24 @@ def load_model(client: Any, name: str) -> int:
     return body
 
 
+def test_copies_keep_the_ends_of_joints(client: Any) -> None:
+    """A copy of a copy, too: PyBullet keeps to ends that it was told, but does not tell them again."""
+    load_model(client, "kuka_iiwa/model.urdf")
+    script = "SELECT lower, upper, maxForce, maxVelocity FROM space.joints LIMIT 7 AS rows;"
+    wanted = ask(client, script)
+    assert wanted[1] == pytest.approx((-2.094, 2.094, 300, 10), abs=1e-3)
+    with ask(client, "SELECT obj FROM space AS environment;") as copy:
+        assert ask(copy, script) == wanted
+        with ask(copy, "SELECT obj FROM space AS environment;") as second:
+            assert ask(second, script) == wanted
+            second.client.resetJointState(0, 1, 2.0)
+            second.client.setJointMotorControl2(0, 1, second.client.VELOCITY_CONTROL, targetVelocity=1, force=300)
+            second.step(240)
+            assert ask(second, "SELECT angle FROM space.joints WHERE number == 1 AS value;") < 2.11
+        copy.remove(0)
+        assert copy.joint_ends == {}
+
+
 @pytest.mark.parametrize("name", [*MODELS, "mesh", "placed mesh"])
 def test_an_environment_has_every_shape_where_it_was(client: Any, name: str) -> None:
     """Boxes of links from files are a little smaller: their loader gives their shapes margins."""

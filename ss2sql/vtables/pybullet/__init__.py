@@ -85,6 +85,11 @@ class PyBulletWorld(BulletFunctions):
                 raise world_error(f"there is no body {body!r} for {name}=", f"give {name}= once its bodies are made")
         return BodyNotes(self.calls, given)
 
+    def read_joint_ends(self, body: int, joint: int) -> tuple[float, ...]:
+        """Lower and upper end, greatest force and velocity of a joint, which PyBullet does not tell of copies."""
+        known = getattr(self.scene, "joint_ends", {}).get(body, {})
+        return known.get(joint) or self.calls.getJointInfo(body, joint)[8:12]  # type: ignore[no-any-return]
+
     @property
     def time(self) -> float | None:
         """The clock of a scene; PyBullet itself has no readable one."""

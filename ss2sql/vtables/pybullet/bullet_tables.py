@@ -382,12 +382,13 @@ class BulletJoints(BodyPartTable):
 
     def read_build(self, key: Key) -> tuple[Any, ...]:
         info = self.call_simulator(self.world.calls.getJointInfo, key)
-        lower, upper = (info[8], info[9]) if info[8] <= info[9] else (None, None)  # upside down: no ends
+        low, high, force, velocity = self.world.read_joint_ends(*key)
+        lower, upper = (low, high) if low <= high else (None, None)  # upside down: no ends
         if info[2] in (0, 1) and lower == upper == 0.0:
             lower = upper = None
         name, link = info[1].decode(errors="replace"), info[12].decode(errors="replace")
         kind = TYPES.get(info[2], "other")
-        return (name, kind, link, info[16], info[13], lower, upper, info[10], info[11], info[6], info[7])
+        return (name, kind, link, info[16], info[13], lower, upper, force, velocity, info[6], info[7])
 
     def read_state(self, key: Key) -> tuple[float, float, float]:
         angle, speed, _, motor = self.call_simulator(self.world.calls.getJointState, key)

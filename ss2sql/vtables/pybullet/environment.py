@@ -277,6 +277,8 @@ class Environment(Scene):
                 if check is not None:
                     check()
                 copy = self.ids[body] = self.adopt(_BodyCopy(world, body, self.client).make_body(), world.name_of(body))
+                joints = range(world.calls.getNumJoints(body))
+                self.joint_ends[copy] = {joint: world.read_joint_ends(body, joint) for joint in joints}
                 if body in world.sensors:
                     self.sensors[copy] = world.sensors[body]
                 if scene is not None and body in scene.forces:
@@ -394,7 +396,7 @@ class _BodyCopy:
             self.client.changeDynamics(made, -1, collisionMargin=margin)  # of a link it would set that of the base
         for joint in self.links[1:]:
             place, speed, *_ = self.calls.getJointState(self.body, joint)
-            low, high = self.calls.getJointInfo(self.body, joint)[8:10]
+            low, high, *_ = self.world.read_joint_ends(self.body, joint)
             self.client.resetJointState(made, joint, place, speed)
             if low < high:
                 self.client.changeDynamics(made, joint, jointLowerLimit=low, jointUpperLimit=high)

@@ -264,6 +264,7 @@ class Scene:
     - `births`, `deaths`: how many bodies were added and removed; Bullet gives the ids of removed bodies to later ones
     - `forces`: the force that acts on a body, where there is one
     - `sensors`: what the bodies that are sensors see
+    - `joint_ends`: lower and upper end, greatest force and velocity of the joints of copies, which PyBullet forgets
     - `places`: points that have a name
     - `outlines`: lines that pictures show, although no body is there
     - `bounds`: two opposite corners of the scene
@@ -285,6 +286,7 @@ class Scene:
         self.births = self.deaths = self.steps = 0
         self.forces: dict[int, Vector] = {}
         self.sensors: dict[int, Sensor] = {}
+        self.joint_ends: dict[int, dict[int, tuple[float, ...]]] = {}
         self.listeners: list[Callable[[], object]] = []
         self.places: dict[str, tuple[float, float]] = {}
         self.outlines: list[tuple[Vector, ...]] = []
@@ -357,6 +359,7 @@ class Scene:
         del self.names[body]
         self.forces.pop(body, None)
         self.sensors.pop(body, None)
+        self.joint_ends.pop(body, None)
         self.deaths += 1
 
     def is_free(self, position: Vector, radius: float) -> bool:
