@@ -6,7 +6,7 @@ MuJoCo, and `mj_forward` updates them. Reading computes nothing anew, because th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from importlib import import_module
 from itertools import product
@@ -124,7 +124,7 @@ class MuJoCoWorld(BodyWorld):
         """To the tolerance of MuJoCo's own `mj_geomDistance`, between the nearest shapes of both.
 
         Of a body and a part of it the gap is that between the part and the rest. Infinite without shapes, and between
-        planes, which have no distance in MuJoCo.
+        planes or to a terrain, which have no distance in MuJoCo.
         """
         measure = import_module("mujoco").mj_geomDistance
         pairs = product(*self._list_opposed(one, other))
@@ -159,14 +159,11 @@ class MuJoCoWorld(BodyWorld):
 
     def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
         first, second = self._list_opposed(one, other)
-        return self._do_shapes_touch(self.data, first, np.array(sorted(second), int), margin)
+        pairs = ((a, b) for a in first for b in second if self.shapes.list_partners(a)[b])
+        return self._do_shapes_touch(self.data, pairs, margin)
 
     def is_touching(self, body: int, margin: float = 0.0) -> bool:
-        return self._is_touching_in(self.data, body, margin)
-
-    def _is_touching_in(self, data: Any, body: int, margin: float) -> bool:
-        others = np.flatnonzero(~self._are_parts(body, self.model.geom_bodyid))
-        return self._do_shapes_touch(data, self._list_solids(body), others, margin)
+        return self._do_shapes_touch(self.data, self._iterate_near(self.data, body, margin), margin)
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
         """Tests the pose in a copy of the data."""
@@ -175,23 +172,25 @@ class MuJoCoWorld(BodyWorld):
             getattr(data, name)[:] = getattr(self.data, name)
         self._move_body(data, body, position, turn)
         import_module("mujoco").mj_kinematics(self.model, data)
-        return self._is_touching_in(data, body, margin)
+        return self._do_shapes_touch(data, self._iterate_near(data, body, margin), margin)
 
-    def _do_shapes_touch(self, data: Any, first: frozenset[int], second: Array, margin: float) -> bool:
-        """Whether one of the first shapes comes nearer to one of the second than a margin, if these may touch.
+    def _iterate_near(self, data: Any, body: int, margin: float) -> Iterator[tuple[int, int]]:
+        """The shapes of a body with those of others that they may touch, where the spheres around them are so near."""
+        others = np.flatnonzero(~self._are_parts(body, self.model.geom_bodyid))
+        centres, radii = data.geom_xpos, self.shapes.radii
+        for shape in self._list_solids(body):
+            near = others[self.shapes.list_partners(shape)[others]]
+            gaps = np.linalg.norm(centres[near] - centres[shape], axis=1) - radii[near] - radii[shape]
+            yield from product((shape,), near[gaps < margin + 1e-6].tolist())
+
+    def _do_shapes_touch(self, data: Any, pairs: Iterable[tuple[int, int]], margin: float) -> bool:
+        """Whether two shapes come nearer to each other than a margin.
 
         By `mj_geomDistance`, since `mj_collision` leaves out what stands still, mocap bodies among it. Farther than a
         margin it need not look: told to, it finds no terrain.
         """
         measure, furthest = import_module("mujoco").mj_geomDistance, max(margin, 0.0) + 0.01
-        centres, radii = data.geom_xpos, self.shapes.radii
-        for shape in first:
-            near = second[self.shapes.list_partners(shape)[second]]
-            gaps = np.linalg.norm(centres[near] - centres[shape], axis=1) - radii[near] - radii[shape]
-            for other in near[gaps < margin + 1e-6].tolist():
-                if measure(self.model, data, shape, other, furthest, None) <= margin:
-                    return True
-        return False
+        return any(measure(self.model, data, a, b, furthest, None) <= margin for a, b in pairs)
 
     @cached_property
     def _data_copy(self) -> Any:
