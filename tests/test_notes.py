@@ -385,3 +385,16 @@ def test_an_argument_that_nothing_reads_has_a_note(ss: ss2sql.Session) -> None:
     assert ss.run("SELECT sal FROM emp;", nope=3).notes == ("the script never reads the argument nope=...",)
     assert ss.run("SELECT sal FROM emp WHERE sal < m LIMIT n;", m=3, n=2).notes == ()
     assert ss.run("eval('k;');", k=3).notes == ()
+
+
+@pytest.mark.parametrize("engine", ["native", "auto"])
+@pytest.mark.parametrize("start", ["EACH town IN ['A', 'B', 'C', 'D']", "EACH o IN ['A', 'B', 'C', 'D'], town = o"])
+def test_a_search_from_each_state_that_reaches_none(session, engine, start) -> None:
+    script = "SELECT LAST dst FROM roads START WITH {} CONNECT BY UNIQUE BY {}, src == town, town = dst AS list"
+    result = session.run(script.format(start, "town"), engine=engine)
+    (note,) = result.notes
+    assert result.value == []
+    each, _, keys = note.rpartition("START WITH ")[2].partition(" and UNIQUE BY ")
+    cured = session.run(script.format(each if "first_" in each else start, keys), engine=engine)
+    assert sorted(cured.value) == sorted("BCD" + "ACD" + "D")  # the towns that can be reached from A, B and C
+    assert cured.notes == ()

@@ -169,6 +169,8 @@ def explain_empty_result(
         yield f"CONNECT BY sets nothing, so every step leads back to where it began; set {constant} = ... in it"
         return
     yield from _note_closed_start(query, get_variable)
+    if pruned:
+        yield from _note_closed_starts(search)
     if rows.ended and search.maximum is not None and query.having is not None:
         most, having = write_in_script(search.maximum), write_in_script(query.having)
         yield (
@@ -538,6 +540,22 @@ def _note_closed_start(query: plan.Query, get_variable: Callable[[str], Any]) ->
             f"{word} BY {_join_keys(search.key)} counts the start as visited, and WHERE asks for the start; "
             f"{word} BY {_join_keys(after)} lets a path come back to it"
         )
+
+
+def _note_closed_starts(search: plan.Search) -> Iterator[str]:
+    """That a search from each of many states reaches none of them, since all of them count as visited."""
+    if search.repeats != "unique" or search.by != "state":
+        return
+    for each in search.each:
+        first = f"first_{each.name}" if each.name in dict(search.connect) else each.name
+        keys = [first, *map(write_in_script, search.key)]
+        if first not in keys[1:]:
+            own = "" if first == each.name else f", {each.name} = {first}"
+            yield (
+                f"every start counts as visited, and UNIQUE BY {_join_keys(search.key)} takes no step to one; to "
+                f"search from each on its own write START WITH EACH {first} IN {write_in_script(each.value)}{own} "
+                f"and UNIQUE BY ({', '.join(keys)})"
+            )
 
 
 def _join_keys(keys: Sequence[plan.Expr]) -> str:
