@@ -503,10 +503,9 @@ class Builder(ExpressionBuilder):
             self._make_error("P006", "EACH goes through a list", found[0].span, f"write EACH {each.name} IN [{values}]")
             return None
         for other in found[1:]:
-            text = f"{found[0].span.text} AND {other.span.text}"
+            cure = f"write {_write_conjunct(found[0])} AND {_write_conjunct(other)}"
             if isinstance(found[0], ast.Name | ast.Attribute):
-                text = _write_forgotten_by([part.node for part in parts], found[0]) or text
-            cure = f"write {shorten_text(text)}"
+                cure = _write_forgotten_by([part.node for part in parts], found[0]) or cure
             for node in found if keyword == "CONNECT BY" else ():
                 match node:
                     case ast.Name(name=name) if name.upper() in VALUED_OPTIONS:
@@ -580,10 +579,15 @@ class Builder(ExpressionBuilder):
         return tuple(part.node for part in parts)
 
 
+def _write_conjunct(node: ast.Node) -> str:
+    text = shorten_text(node.span.text)
+    return f"({text})" if isinstance(node, ast.Or | ast.Xor) else text
+
+
 def _write_forgotten_by(nodes: Sequence[ast.Node], condition: ast.Expr) -> str:
-    """`UNIQUE BY town` for `UNIQUE town, ...`, `UNIQUE BY (a, b)` for `UNIQUE BY a, b, ...`; else nothing."""
+    """The hint `UNIQUE BY town` for `UNIQUE town, ...`, `UNIQUE BY (a, b)` for `UNIQUE BY a, b, ...`; else nothing."""
     option = nodes[max(nodes.index(condition) - 1, 0)]
     if not isinstance(option, ast.Option) or option.keyword not in ("UNIQUE", "NO CYCLE"):
         return ""
     keys = ", ".join(key.span.text for key in (*option.by, condition))
-    return f"{option.keyword} BY ({keys})" if option.by else f"{option.keyword} BY {keys}"
+    return f"write {option.keyword} BY {f'({keys})' if option.by else keys}"
