@@ -211,6 +211,8 @@ def _check_path_clause(tree: ast.Call, said: PathFunctions) -> None:
         return
     where = f"the key after {clause}" if clause == "BY" else clause if clause != "CONNECT BY" else "an assignment"
     hint = "write it in the condition of CONNECT BY, in STOP WITH, WHERE or SELECT"
+    if clause == "BY" and function == "next" and tree.arguments and isinstance(tree.arguments[0], ast.Name):
+        hint = f"write {tree.arguments[0].name} for the state after the step"
     if function == "leaf":
         hint = f"write {CHOOSE_LEAVES}"
     raise ResolveError("R014", f"{function} does not stand in {where}", tree.span, (hint,))

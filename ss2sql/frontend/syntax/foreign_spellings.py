@@ -8,7 +8,7 @@ from collections.abc import Callable
 from ss2sql.errors import ParseError
 from ss2sql.frontend.syntax import tokenizer
 from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, ParseFailure, spell
-from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, END, OPENING, OPTIONS, VALUES, Token
+from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, END, OPENING, OPTIONS, OTHER_OPTIONS, VALUES, Token
 from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
 
 
@@ -230,13 +230,6 @@ def _split_set_operations(t: ParseFailure) -> tuple[list[str], list[str], str]:
     return words, texts, " ".join(t.read_until(tail).split())
 
 
-# Other names for options of searches.
-_OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
-            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
-            "NOCYCLE": "NO CYCLE",
-            "WEIGHT": "COST in its place, and a comma behind its value"}  # fmt: skip
-
-
 def _explain_option(t: ParseFailure) -> ParseError | None:
     """Options of CONNECT BY by other names, or followed by a `=`."""
     if t.clause != "CONNECT BY":
@@ -248,9 +241,9 @@ def _explain_option(t: ParseFailure) -> ParseError | None:
         if word in OPTIONS and following.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
             return t.explain("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
         starts = index == begin and (word != "A" or following.kind == "*")
-        if starts and word in _OPTIONS and following.kind in ("*", *VALUES):
-            counts = _OPTIONS[word] == "MAXIMUM" and following.kind == "INTEGER"
-            option = _OPTIONS[word] + (f" {following.text}" if counts else "")
+        if starts and word in OTHER_OPTIONS and following.kind in ("*", *VALUES):
+            counts = OTHER_OPTIONS[word] == "MAXIMUM" and following.kind == "INTEGER"
+            option = OTHER_OPTIONS[word] + (f" {following.text}" if counts else "")
             if word == "GREEDY" and t.tokens[index + 2].kind != "=":
                 option = f"HEURISTIC {following.text}"
             prior = next((i for i in range(index, len(t.tokens)) if t.tokens[i].text.upper() == "PRIOR"), None)

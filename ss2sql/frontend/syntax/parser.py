@@ -126,7 +126,8 @@ def find_resume_point(failure: ParseFailure) -> int:
         return failure.index + 1
     outside = len(failure.brackets)
     depth, fallback = 0, len(tokens)
-    for index in range(failure.index, len(tokens)):
+    inside = failure.found.kind == ";" and failure.clause in tokenizer.OPTIONS  # where a comma is meant
+    for index in range(failure.index + inside, len(tokens)):
         kind = tokens[index].kind
         if kind == ";" and outside <= 0:
             return index + 1

@@ -39,6 +39,7 @@ _VALUE = ("a value", "a value is a name, a number, a string, a list, a call, a q
 _BETWEEN = {
     ("WHERE", ","): "conditions are joined by AND or OR, and a list stands in square brackets",
     ("[", ":"): "a list of numbers in a row is range(from, to)",
+    **dict.fromkeys(((option, ";") for option in OPTIONS), "a comma and a condition or assignment follow it"),
     ("IF(", ","): "IF has a condition and two branches, commas separate the values of a branch: IF(a; b, c; d)",
     ("", "{"): "there are no blocks: write IF(condition; then; else)",
 }

@@ -156,6 +156,14 @@ _FOLLOWED = {
     "LAST": _BEGINS | {"[", "-", "*"},
 }  # fmt: skip
 OPTIONS = frozenset(("DEPTH", "BREADTH", "NO", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE"))
+# Other names for options of searches.
+OTHER_OPTIONS = {
+    "BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "IDDFS": "BREADTH FIRST", "BIDIRECTIONAL": "BREADTH FIRST",
+    "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
+    "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
+    "NOCYCLE": "NO CYCLE",
+    "WEIGHT": "COST in its place, and a comma behind its value",
+}  # fmt: skip
 _NUMBERED = frozenset(("MAXIMUM", "MEMORIZE"))
 _VALUED = frozenset(("COST", "HEURISTIC", "PROBABILITY"))
 _BEHIND_NAMES = frozenset(("AND", "OR", "XOR", "NOT", ",", ")", "]", ";"))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast, tokenizer
-from ss2sql.frontend.syntax.tokenizer import OPTIONS, Token, shorten_query, shorten_text
+from ss2sql.frontend.syntax.tokenizer import OPTIONS, OTHER_OPTIONS, Token, shorten_query, shorten_text
 
 if TYPE_CHECKING:
     from ss2sql.frontend.syntax.parser import Table
@@ -512,6 +512,10 @@ class Builder(ExpressionBuilder):
                         cure = f"{name} needs a value, for instance {name} 1"
                     case ast.Name(name=name) if name.upper() in OPTIONS:
                         cure = f"{name} is an option: write it right after CONNECT BY"
+                    case ast.Name(name=name) if name.upper() in OTHER_OPTIONS:
+                        cure = f"write {OTHER_OPTIONS[name.upper()]} for {name}"
+                    case ast.Literal(value=limit) if type(limit) is int:
+                        cure = f"write level() <= {limit} AND {_write_conjunct(other)} for a depth limit"
                     case ast.Operator(function="eq", operands=(ast.Name(name=name), value)) if name in unset:
                         cure = f"write {name} = {shorten_text(value.span.text)}"
             error = self._make_error("P001", f"{keyword} has two conditions", other.span, cure)
