@@ -204,7 +204,7 @@ def open_staff() -> ss2sql.Session:
 def form_of(error: ss2sql.Error) -> str:
     """What the first hint says to write."""
     found = re.match(
-        r"(?:write|it works on a list:) "
+        r"(?:None has no order: write|write|it works on a list:) "
         r"(.*?)(?: to compare| to join strings| to name .*| for .*|, s\.x .*| to choose .*|, or on the groups .*)?\Z",
         error.hints[0],
     )

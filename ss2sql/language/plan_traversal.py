@@ -435,6 +435,25 @@ def write_in_script(expr: plan.Expr) -> str:
     return expr.name if isinstance(expr, plan.State) else " ".join(expr.span.text.split())
 
 
+def write_test_for_none(root: Node, place: Span | None) -> tuple[str, ...]:
+    """The hint for a comparison of None at a place, in the script's own words; nothing where it is not found.
+
+    In the first steps of a search `prior` is None: who leaves these out finds nothing.
+    """
+    calls = [node for node in walk(root) if isinstance(node, plan.Call) and node.place == place]
+    operands = [side for call in calls for side in call.arguments if not side.type.excludes(Kind.NONE)]
+    if not operands or len(text := " ".join(calls[0].span.text.split())) > 60:
+        return ()
+    prior = {side.name for side in operands if isinstance(side, plan.State) and side.name.startswith("prior(")}
+    for name in sorted(prior):
+        text = f"({name} == None OR {text})"
+    others = dict.fromkeys(
+        f"{write_in_script(side)} != None" for side in operands if write_in_script(side) not in prior
+    )
+    text = f"({' AND '.join((*others, text))})" if others else text
+    return (f"None has no order: write {text}",)
+
+
 def find_growing_states(query: plan.Query, evenly: bool = False) -> frozenset[str]:
     """The variables to which CONNECT BY adds or subtracts something; `evenly`: a constant."""
     assert query.search is not None

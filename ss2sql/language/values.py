@@ -401,12 +401,15 @@ def are_rows(value: Any) -> bool:
     return type(value) is list and bool(value) and type(value[0]) is dict
 
 
+NONE_HINT = "None has no order: ask for it first, as in"
+
+
 def _suggest_none_cure(left: Any, right: Any, symbol: str) -> str:
     """What to write so that None is not compared."""
     if symbol == "and":
         return "None has no order: leave it out, for example with WHERE x != None"
-    sides = ["x" if value is None else format_value(value, 20) for value in (left, right)]
-    return f"None has no order: ask for it first, as in x != None AND {sides[0]} {symbol} {sides[1]}"
+    sides = [name if value is None else format_value(value, 20) for value, name in ((left, "x"), (right, "y"))]
+    return f"{NONE_HINT} {'x' if left is None else 'y'} != None AND {sides[0]} {symbol} {sides[1]}"
 
 
 def sort_values(values: Sequence[Any], descending: bool = False) -> list[Any]:

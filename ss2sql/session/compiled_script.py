@@ -36,8 +36,8 @@ from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.cancellation import install_cancellation_check, retry_with_stack
 from ss2sql.language.kinds import ANY, NOTHING, Type, is_supertype
-from ss2sql.language.plan_traversal import list_plan_calls, walk
-from ss2sql.language.values import copy_for_python
+from ss2sql.language.plan_traversal import list_plan_calls, walk, write_test_for_none
+from ss2sql.language.values import NONE_HINT, copy_for_python
 from ss2sql.lowering.sql_query import Sql
 from ss2sql.results import count_words
 from ss2sql.results.notes import note_unread_arguments, suggest_timeout_cure
@@ -128,7 +128,12 @@ class CompiledStatement:
         if self.statement.tentative or self.is_outdated(run, run.get_source):
             statement = self.host.resolve_statement(self.tree, run, self.unknown)
             self._compile_statement(statement, self.host.generation, run.get_source)
-        return self.function(run)
+        try:
+            return self.function(run)
+        except ExecutionError as error:
+            if error.hints and error.hints[0].startswith(NONE_HINT):
+                error.hints = write_test_for_none(self.statement.expr, error.span) or error.hints
+            raise
 
     def is_outdated(self, run: Run, source: Callable[[str], Any], but: Container[str] = ()) -> bool:
         """Whether the plan relies on outdated columns or types, of other variables than those in `but`."""
