@@ -274,6 +274,7 @@ def test_the_texts_of_bars_stay_apart_and_within_the_axes(ss: ss2sql.Session, va
     ("query", "kind"),
     [("SELECT this FROM ['a'];", "auto"), ("SELECT this FROM [];", "auto"), ("7;", "heat"),
      *((FLAT, kind) for kind in ("paths", "graph", "tree", "lengths")),
+     *((f"SELECT LAST {WALK.format('this', 9, 3)[7:]}", kind) for kind in ("paths", "graph")),
      (WALK.format("this", 9, 3), "auto"), (WALK.format("this", 3, 3), "paths"), (GRID, "bars"), (GRID, "cake")],
 )  # fmt: skip
 def test_what_cannot_be_drawn(ss: ss2sql.Session, query: str, kind: str) -> None:
@@ -282,6 +283,6 @@ def test_what_cannot_be_drawn(ss: ss2sql.Session, query: str, kind: str) -> None
         result.plot(kind=kind)
     assert caught.value.code == "V001"
     assert caught.value.hints
-    if query == FLAT:
-        with pytest.raises(ss2sql.RepresentationError, match="V001"):
+    if query == FLAT or "LAST" in query:
+        with pytest.raises(ss2sql.RepresentationError, match="write SELECT without LAST"):
             result.graph()

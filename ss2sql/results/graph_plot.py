@@ -15,6 +15,7 @@ from ss2sql.results import count_words, get_result_paths
 from ss2sql.results.plot_style import (
     BLUE,
     FRAME,
+    NO_PATHS,
     ORANGE,
     PALE,
     count_drawn_paths,
@@ -36,7 +37,7 @@ def build_graph(result: Result, most: int | None = None) -> Any:
     networkx = require_package("networkx", "plot", "graph()")
     paths = get_result_paths(result)
     if paths is None:
-        make_plot_error("graph() needs the paths of a search", "a query is a search with CONNECT BY")
+        make_plot_error("graph() needs the paths of a search", NO_PATHS)
     made = networkx.DiGraph(columns=result.columns[2:])
     for path in islice(paths, most):
         nodes = [make_graph_node(row) for row in path]

@@ -28,6 +28,9 @@ PALE, FRAME, INK = "#e9eef4", "#444444", "black"
 FEW = len(PALETTE)  # paths that have a colour and a name each
 
 
+NO_PATHS = "paths are those of a query with CONNECT BY, and SELECT LAST keeps none: write SELECT without LAST"
+
+
 def make_plot_error(message: str, *hints: str) -> NoReturn:
     raise RepresentationError("V001", message, hints=hints)
 

@@ -16,6 +16,7 @@ from ss2sql.results import count_words, get_result_paths, get_result_rows
 from ss2sql.results.graph_plot import draw_graph, draw_tree
 from ss2sql.results.plot_style import (
     BLUE,
+    NO_PATHS,
     PALETTE,
     draw_lengths,
     draw_paths,
@@ -66,7 +67,7 @@ def _choose_drawing(result: Result, kind: str, own: bool) -> Draw:
     if paths is not None:
         return _choose_search_drawing(result, paths, kind, own)
     if kind in SEARCH_KINDS:
-        make_plot_error(f"plot() draws {kind} of a search only", "a query is a search with CONNECT BY")
+        make_plot_error(f"plot() draws {kind} of a search only", NO_PATHS)
     if kind in ("auto", "heat") and isinstance(result.value, np.ndarray) and result.value.ndim == 2:
         return lambda ax, most: _draw_heat_map(result, ax)
     return _choose_flat_drawing(result, kind, own)
