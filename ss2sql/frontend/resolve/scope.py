@@ -428,7 +428,7 @@ def explain_unknown_function(
     """The error for a call of an unknown function."""
     name = tree.function
     every = (*catalog.functions, *catalog.world_functions)
-    known = [one for one in every if one not in _HIDDEN and "." not in one]
+    known = [one for one in every if one not in _HIDDEN and one.isidentifier()]
     if name in variables:
         hints: Sequence[str] = (f"'{name}' is a variable: write it without parentheses",)
     elif same := [one for one in known if one.lower() == name.lower()]:

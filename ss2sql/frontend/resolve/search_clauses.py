@@ -281,13 +281,18 @@ def _measure_prior_nesting(resolver: Resolver, tree: Any) -> int:
 
 
 def suggest_in_search(name: str, span: Span, scope: Scope | None) -> tuple[str, ...]:
-    """What a search has in place of `LAST (x)`, read as a call, and of `cost`; nothing for other names."""
+    """What a search has in place of `LAST (x)`, read as a call, of `cost` and `path`; nothing for other names."""
     query = None if scope is None else scope.written
     if query is None or not query.searches:
         return ()
     cost = next((option.argument for option in query.options if option.keyword == "COST"), None)
     if name.upper() == "COST" and cost is not None:
         return (f"write sum(path({cost.span.text})) for the cost of the path",)
+    if name.lower() in FUNCTIONS and span.text != name:
+        return (f"write {name.lower()}{span.text[len(name) :]}",)
+    if name.lower() in FUNCTIONS:
+        assigned = [assign.value.span.text for assign in query.connect if isinstance(assign.value, ast.Name)]
+        return (f"write {name.lower()}({'' if name.lower() in ('level', 'leaf') else (*assigned, 'this')[0]})",)
     first = query.columns[0]
     if name.upper() == "LAST" and first.span.start == span.start:
         column, label = (first.expr, first.name) if isinstance(first, ast.Named) else (first, "x")

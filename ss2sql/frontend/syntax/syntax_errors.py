@@ -246,8 +246,10 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
     """A clause where none can stand."""
     word = t.found.keyword or t.found.kind
     if word == "HAVING":
-        return t.explain("P001", "HAVING stands right after GROUP BY",
-                       "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
+        hint = "write GROUP BY key HAVING condition, or use WHERE"
+        if t.next.text == "leaf":  # which does not stand in WHERE
+            hint = "write GROUP BY key in front of it"
+        return t.explain("P001", "HAVING stands right after GROUP BY", hint)
     if word in ("WITH", "BY"):
         firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
         return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_words(firsts)}")

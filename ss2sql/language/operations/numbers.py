@@ -209,7 +209,8 @@ def _make_angle(
     """The row of a function of the C library. Engines round it differently, so Python always computes it."""
 
     def compute_angle(*numbers: Any) -> float:
-        check_numbers(name, numbers)
+        for number in numbers:
+            check_number(name, number)
         try:
             return float(check_arithmetic(compute(*numbers)))
         except ValueError:

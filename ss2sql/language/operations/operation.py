@@ -34,7 +34,7 @@ _MISFITS = {
     type(None): "leave None out with WHERE",
     str: "int(...) and float(...) make numbers of text",
     dict: "the rows of a query are dicts: write {0}(SELECT ... AS list), with one column",
-    list: "give the numbers themselves, as one flat list",
+    list: "write {0}(flat(x)) for all numbers in lists; in a GROUP BY, max({0}(x)) for the list x of a row",
 }
 
 
@@ -66,6 +66,10 @@ def check_numbers(function: str, values: Sequence[Any]) -> set[type]:
 
 
 def check_number(function: str, value: Any) -> Any:
+    if type(value) is list:
+        raise misuse(
+            f"{function} works on numbers, not on {format_value(value)}", "write x[0] for the first number in x"
+        )
     check_numbers(function, (value,))
     return value
 
