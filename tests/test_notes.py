@@ -278,6 +278,18 @@ def test_a_column_in_quotes(session, query) -> None:
     assert cured.value != session.run(query).value
 
 
+@pytest.mark.parametrize("name", ["roads", "order details"])
+def test_a_table_in_quotes(name) -> None:
+    with ss2sql.connect() as ss:
+        ss.set("roads", [{"id": 7}])
+        ss.host.connection.execute('CREATE TABLE "order details" (id); INSERT INTO "order details" VALUES (7)')
+        (note,) = ss.run(f'SELECT * FROM "{name}"').notes
+        text, _, cure = note.partition(" in FROM is a text; for the table write ")
+        assert text == f"'{name}'"
+        assert ss.run(f"SELECT id {cure} AS list").value == [7]
+        assert ss.run("SELECT * FROM 'text'").notes == ()
+
+
 @pytest.mark.parametrize("wrong", ["dst IN (src)", "dst NOT IN ( src )"])
 def test_a_column_in_parentheses(session, engine, wrong) -> None:
     session.run("cities = SELECT to('Rome', src), to('Rom', dst) FROM [1]")

@@ -94,6 +94,9 @@ def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.So
         case ast.Literal(value=str(path)) if find_file_ending(path) is not None:
             hint = suggest_source(path, tree.name or "data")
             raise ResolveError("R003", f"FROM opens no file: {tree.expr.span.text}", tree.expr.span, (hint,))
+        case ast.Literal(value=str(word)):
+            text = resolve_value_source(resolver, name, resolver.resolve_expr(tree.expr, scope), tree.span)
+            return replace(text, hides=_explain_hidden_table(resolver, word, None))
         case ast.Index(value=ast.Name(name=schema), index=ast.Literal(value=str(word))) if _is_file(resolver, schema):
             return _resolve_table_source(resolver, tree.name or word, schema, word, tree.expr.span)
         case ast.Attribute(source=str(schema), name=word):
@@ -168,14 +171,20 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
     raise ResolveError("R003", f"unknown source '{word}'", span, hints)
 
 
-def _explain_hidden_table(resolver: Resolver, word: str, bound: plan.Expr) -> str:
-    """What is said of a name in FROM that a column has, and a table or variable, too; nothing without these."""
+def _explain_hidden_table(resolver: Resolver, word: str, bound: plan.Expr | None) -> str:
+    """What is said of a name in FROM that a column has, or that is a text (None); nothing without a table of this name.
+
+    The table may be a variable, too.
+    """
     try:
         table = resolver.catalog.table(None, word)
     except Error:
         return ""  # nobody means a view that is broken
     if table is None and word not in resolver.list_variables():
         return ""
+    if bound is None:
+        cure = f'{table.schema}["{word}"]' if table is not None and not word.isidentifier() else word
+        return f"'{word}' in FROM is a text; for the table write FROM {cure}"
     cure = f"write all_{word} = {word}; before it, and FROM all_{word}"
     if table is not None:
         cure = f"write FROM {table.schema}.{word}"
