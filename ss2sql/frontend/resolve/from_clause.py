@@ -163,7 +163,7 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
     )
     if word.upper() == "DUAL":
         hints = ("write FROM [1]",)
-    if word in resolver.catalog.functions:
+    if word in resolver.catalog.functions and word.lower() not in map(str.lower, known):
         hints = (f"'{word}' is a function: call it, {word}(...)",)
     if word in resolver.catalog.files:
         what = "the session's own file" if word == "main" else "a file"

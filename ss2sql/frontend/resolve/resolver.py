@@ -451,7 +451,9 @@ class Resolver:
             return self.resolve_eval(arguments[0], scope, span)
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
         if is_resolved_aggregate(function) and of_a_list and not grouped and arguments[0].type.excludes(Kind.LIST):
-            hints = [AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))]
+            hints = [
+                AGGREGATE_HINT.format(query=suggest_row_query(tree, scope, not arguments[0].type.excludes(Kind.NONE)))
+            ]
             if scope is not None and scope.path_functions and scope.path_functions.clause in RESULT_CLAUSES:
                 hints = [*suggest_in_search(name, span, scope)]
                 hints.append(f"write {name}(path({tree.arguments[0].span.text})) for the steps of the path")

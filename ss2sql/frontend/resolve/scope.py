@@ -411,7 +411,7 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     "strptime": "write datetime('2024-05-31 12:30')", "current_timestamp": "write now()", "today": "write date(now())",
     **dict.fromkeys(("rand", "random"), "session.function('random', random.random) registers Python's"),
     "gcd": "session.function('gcd', math.gcd) registers Python's", "current_date": "write date(now())",
-    "enumerate": "write zip(range(len({0})), {0})",
+    "enumerate": "write zip(range(len({0})), {0})", "values": "write [{all}]",
 }  # fmt: skip
 CHOOSE_LEAVES = "SELECT * FROM (SELECT LAST ..., leaf() AS end ...) WHERE end"
 # Names of Oracle.
@@ -434,7 +434,7 @@ def explain_unknown_function(
     elif same := [one for one in known if one.lower() == name.lower()]:
         hints = (_MEAN.format(same[0]),)
     else:
-        rows = f"{_suggest_rows(tree, scope, grouped=True)} AS list"
+        rows = f"{_suggest_rows(tree, scope, name.lower() != 'array_agg', grouped=True)} AS list"
         hints = _suggest_equivalent(name, tree.arguments, f"uniq({rows})" if tree.distinct else rows)
         hints = hints or suggest_names(name, known)
     hints = hints or ("register it with session.function, or by --functions FILE.py; help() lists the known ones",)
@@ -574,13 +574,13 @@ def read_leading_name(span: Span, name: str) -> Span:
     return Span(span.source, span.start, span.start + len(name)) if span.text.startswith(name) else span
 
 
-def suggest_row_query(tree: ast.Call, scope: Scope | None) -> str:
+def suggest_row_query(tree: ast.Call, scope: Scope | None, skips_none: bool) -> str:
     """The query that gives an aggregate the rows that are left by the WHERE around it, if short."""
-    return f"{tree.function}({_suggest_rows(tree, scope)} AS list)"
+    return f"{tree.function}({_suggest_rows(tree, scope, skips_none)} AS list)"
 
 
-def _suggest_rows(tree: ast.Call, scope: Scope | None, grouped: bool = False) -> str:
-    """The rows that are left by the WHERE around a call; `grouped`: those of its group."""
+def _suggest_rows(tree: ast.Call, scope: Scope | None, skips_none: bool, grouped: bool = False) -> str:
+    """The rows that are left by the WHERE around a call; `grouped`: those of its group; perhaps without None."""
     query, sources = (scope.written, scope.sources) if scope else (None, [])
     simple = query is not None and not query.searches and len(sources) == 1 and bool(tree.arguments)
     if query is None or not simple or sources[0].name != sources[0].span.text:
@@ -588,10 +588,11 @@ def _suggest_rows(tree: ast.Call, scope: Scope | None, grouped: bool = False) ->
     rows, where, keys = sources[0].name, query.where, query.group if grouped else ()
     conditions: list[str] = []
     if where is not None and not where.span.start <= tree.span.start < where.span.end:
-        conditions.append(f"({where.span.text})" if keys and isinstance(where, ast.Or) else where.span.text)
+        conditions.append(f"({where.span.text})" if isinstance(where, ast.Or) else where.span.text)
     if keys and (not all(isinstance(key, ast.Name) for key in keys) or f"{rows}." in " ".join(conditions)):
         return "SELECT ..."
     conditions += [f"{key.span.text} == {rows}.{key.span.text}" for key in keys]
+    conditions += [f"{tree.arguments[0].span.text} != None"] * skips_none
     source = f"x = {rows}" if keys else rows
     behind = f" WHERE {' AND '.join(conditions)}" if conditions else ""
     text = " ".join(f"SELECT {tree.arguments[0].span.text} FROM {source}{behind}".split())

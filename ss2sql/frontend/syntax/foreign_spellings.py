@@ -51,7 +51,7 @@ def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
 
 
 # --- spellings of SQL, and of other languages, that SelectScript writes differently: each error shows the right form
-_JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
+_JOIN = "name both columns: FROM a JOIN b ON a.x == b.x, or FROM a LEFT JOIN b ON a.x == b.x"
 _FUNCTION = "functions are written in Python, and session.function(f) registers them"
 _LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
 _IF = "write IF(condition; then; else)"
@@ -66,7 +66,8 @@ _POSTFIX_HINTS = {
     "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE,
     "ILIKE": "write lower({x}) LIKE lower({y})", "MATCH": _LIKE, "INNER": "write JOIN without INNER",
     "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
-    "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
+    "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "USING": _JOIN,
+    "ON": "write JOIN in place of the comma in front of {x}",
     "OFFSET": "write LIMIT n OFFSET {y}", "FETCH": "write LIMIT n",
     "COLLATE": "sort by the value of a function that you register",
     "OVER": "use GROUP BY, or a query in the column, for instance sum(SELECT ... AS list)",
@@ -284,6 +285,9 @@ def _explain_assignment(t: ParseFailure) -> ParseError | None:
     tested = t.clause in _TESTED
     left, right = t.read_side() if tested else t.read_operand(), t.read_next_side()
     compare = f"write {left} == {right} to compare"
+    if t.next.text in ("?", ":", "@"):  # a parameter
+        name = t.tokens[t.index + 2].text if t.next.text != "?" else "wanted"
+        compare = f"write {left} == {name}, and give {name} a value: run(script, {name}=...)"
     if (quantified := re.fullmatch(r"(ANY|SOME|ALL) ?\((SELECT\b.*)\)", right, re.IGNORECASE)) is not None:
         word, query = quantified.groups()
         every = f"write difference({query} AS list, [{left}]) == []"
@@ -414,6 +418,35 @@ def _explain_word(t: ParseFailure) -> ParseError | None:
     return t.explain("P006", _tell_that_missing(spelling), hint.format(x=x, y=y))
 
 
+_SOURCE = r"((?:\w+ ?= ?)?(?:\w+\.)?\w+)"
+_JOINED = re.compile(
+    rf"{_SOURCE} (NATURAL |RIGHT |FULL )?(LEFT )?(?:OUTER )?JOIN {_SOURCE}(?: ON (.*)| USING ?\((.*)\))?", re.IGNORECASE
+)
+
+
+def _explain_join(t: ParseFailure) -> ParseError | None:
+    """`FROM a RIGHT JOIN b ON ...`, FULL, NATURAL and USING of two sources by their names."""
+    word = t.found.text.upper()
+    begin = t.find_outside(t.index - 1, -1, ("FROM",)) + 1
+    found = _JOINED.fullmatch(" ".join(t.read_until(begin, ("WHERE", "GROUP", "ORDER", "LIMIT", "AS", ";")).split()))
+    if word not in ("RIGHT", "FULL", "NATURAL", "USING") or found is None:
+        return None
+    left, kind, outer, right, condition, columns = found.groups(default="")
+    a, b = (re.split(r" ?= ?", source)[0] if "=" in source else source.split(".")[-1] for source in (left, right))
+    if columns or kind:
+        names = re.split(r"\s*,\s*", columns.strip() or "x")
+        condition = condition or " AND ".join(f"{a}.{name} == {b}.{name}" for name in names)
+    left_join = f"FROM {right} LEFT JOIN {left} ON {condition}"
+    cures = {
+        "RIGHT": left_join,
+        "FULL": f"(SELECT ... FROM {left} LEFT JOIN {right} ON {condition} AS dict) + "
+                f"(SELECT ... {left_join} WHERE {a}.this == None AS dict)",
+        "NATURAL": f"FROM {left} {outer.upper()}JOIN {right} ON {condition}, for each column x of both",
+        "USING": f"FROM {left} {outer.upper()}JOIN {right} ON {condition}",
+    }  # fmt: skip
+    return t.explain("P006", _tell_that_missing(word), f"write {cures[word]}")
+
+
 def _tell_that_missing(word: str) -> str:
     fits = word.upper() in CONTEXTUAL
     return f"{word.upper()} does not fit here" if fits else f"there is no {word} in SelectScript"
@@ -438,14 +471,14 @@ def _explain_window(t: ParseFailure) -> ParseError | None:
     aggregate, (outer, rows) = _AGGREGATES.get(call[1].upper()), (source[1], source[2] or source[1])
     sign = (">" if keys[3] else "<") + "=" * (aggregate is not None)
     other = "y" if outer == "x" else "x"
-    conditions = [f"{other}.{keys[1]} == {outer}.{keys[1]}"] if keys[1] else []
+    conditions = [f"{other}.{call[2]} != None"] if aggregate and call[2] != "*" else []
+    conditions += [f"{other}.{keys[1]} == {outer}.{keys[1]}"] if keys[1] else []
     conditions += [f"{other}.{keys[2]} {sign} {outer}.{keys[2]}"] if keys[2] else []
-    conditions += [f"{other}.{call[2]} != None"] if aggregate == "count" and call[2] != "*" else []
     where = f" WHERE {' AND '.join(conditions)}" if conditions else ""
     if aggregate is not None:
         value = "1" if call[2] == "*" else f"{other}.{call[2]}"
         cure = f"write {aggregate}(SELECT {value} FROM {other} = {rows}{where} AS list)"
-    elif keys[2]:
+    elif keys[2] and call[1].upper() in ("RANK", "ROW_NUMBER"):
         cure = f"write (SELECT count(*) FROM {other} = {rows}{where}) + 1 for a rank"
     else:
         return None
@@ -523,6 +556,6 @@ CHECKS: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
     _explain_from_first, _explain_comprehension, _explain_item_assignment, _explain_inner_quote, _explain_comment,
     _explain_sign, _explain_concatenation, _explain_is, _explain_cast, _explain_set_operation, _explain_option,
     _explain_each, _explain_unpacking, _explain_assignment, _explain_modifier, _explain_missing_as,
-    _explain_column_name, _explain_after_as, _explain_window, _explain_filter, _explain_word, _explain_star,
-    _explain_dot, _explain_list,
+    _explain_column_name, _explain_after_as, _explain_window, _explain_filter, _explain_join, _explain_word,
+    _explain_star, _explain_dot, _explain_list,
 )  # fmt: skip
