@@ -157,9 +157,11 @@ def test_wrong_names(ss: ss2sql.Session, engine: Any, code: str, words: list[str
     assert answers(ss, "SELECT id FROM space.near([0, 0, 0], 2) AS list;") == [0]
 
 
-def test_tables_beside_the_world(ss: ss2sql.Session, engine: Any) -> None:
-    """The cure of `FROM space, space.near(...)` and its like."""
-    script = "SELECT s.id, len(SELECT this FROM space.joints WHERE body == s.id AS list) FROM s = space AS rows;"
+@pytest.mark.parametrize(("name", "source"), [("s", "s = space"), ("space", "space")])
+def test_tables_beside_the_world(ss: ss2sql.Session, engine: Any, name: str, source: str) -> None:
+    script = (
+        f"SELECT {name}.id, len(SELECT this FROM space.joints WHERE body == {name}.id AS list) FROM {source} AS rows;"
+    )
     assert ss.run(script, engine=engine).value == [(number, 0) for number in range(4)]
 
 

@@ -102,13 +102,10 @@ def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.So
         case ast.Attribute(source=str(schema), name=word):
             known = (source for level in list_scopes(scope) for source in level.sources)
             owner = next((source for source in known if source.name == schema), None)
-            if owner is None:
-                return _resolve_table_source(resolver, name, schema, word, tree.expr.span)
             world = resolver.catalog.worlds.get(schema)
-            if world is not None and word in world.tables and owner.columns and word not in dict(owner.columns):
-                message = f"'{schema}' is a source here, and it has no column '{word}'"
-                hint = f"write FROM s = {schema}, and s.x for its columns; then {schema}.{word} is the world's table"
-                raise ResolveError("R001", message, tree.expr.span, (hint,))
+            table = world is not None and word in world.tables
+            if owner is None or (table and owner.columns and word not in dict(owner.columns)):
+                return _resolve_table_source(resolver, name, schema, word, tree.expr.span)
     return resolve_value_source(resolver, name, resolver.resolve_expr(tree.expr, scope), tree.span)
 
 

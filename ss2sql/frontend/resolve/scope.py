@@ -529,7 +529,8 @@ def explain_unknown_name(
     if shown is not None:
         hints = (f"'{name}' is a column that SELECT makes; write {shown} here",)
     elif name in catalog.functions:
-        hints = (f"'{name}' is a function: write {name}({'this' if scope else '...'})",)
+        takes = "this" if scope else "..."
+        hints = (f"'{name}' is a function: write {name}({takes if catalog.functions[name].maximum != 0 else ''})",)
         hints += (f"its name as a text is '{name}'",) if operand and not scope else ()
     elif name in catalog.world_functions and holding and catalog.unknown != "missing":
         this = "this" if len(sources) == 1 else f"{holding[0].name}.this"

@@ -310,8 +310,8 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
 def _hint_at_source(t: ParseFailure) -> str:
     if t.found.kind == "SELECT" or (t.found.kind == "NAME" and t.next.kind == "="):
         return f"write ; in front of {t.found.text}"
-    if "ON" in t.expected:
-        return f"write JOIN {t.read_operand()} ON condition; a comma in place of JOIN gives all pairs"
+    if "ON" in t.expected and (t.found.kind != "NAME" or t.found.keyword):
+        return f"write ON condition after {t.read_operand()}; ON True gives all pairs"
     if t.found.kind == "NAME":
         return f"write {t.found.text} = {t.read_operand()} to name the source"
     return "a source that is more than a name, a call or a list stands in parentheses"

@@ -70,6 +70,8 @@ def make_operand_error(left: Any, symbol: str, right: Any) -> ExecutionError:
         hint = "+ joins strings with str(...), or adds numbers made with int(...) or float(...)"
     elif symbol in "+-" and (isinstance(left, TIMES) or isinstance(right, TIMES)):
         hint = "write timedelta(1) for a day, timedelta(0, 1) for a second; date(x), datetime(x) make two of one kind"
+    elif type(left) is list and type(right) is list:
+        hint = f"{symbol} works on numbers: write [a[0] {symbol} b[0], a[1] {symbol} b[1]], or distance(a, b) of points"
     else:
         hint = f"{symbol} works on numbers"
     return ExecutionError("X001", message, hints=(hint,))
