@@ -13,8 +13,8 @@ import ss2sql
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.run.run_state import GraphLevel, ResultSink, Run
 from ss2sql.runtime.search.search_run import RowGraph
-from ss2sql.session import compiled_script
-from ss2sql.session.compiled_script import Progress
+from ss2sql.session import compiled_script, progress_line
+from ss2sql.session.progress_line import Progress
 
 SEARCH = "SELECT n FROM [1] WHERE n == 4 START WITH n = 1 CONNECT BY MEMORIZE 5 n = n + 1;"
 
@@ -100,8 +100,8 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     """Standard error as a terminal, on which lines appear at once."""
     terminal = Terminal()
     monkeypatch.setattr(compiled_script, "sys", SimpleNamespace(stderr=terminal))
-    monkeypatch.setattr(compiled_script, "FIRST_SECONDS", 0.0)
-    monkeypatch.setattr(compiled_script, "REPEAT_SECONDS", 0.0)
+    monkeypatch.setattr(progress_line, "FIRST_SECONDS", 0.0)
+    monkeypatch.setattr(progress_line, "REPEAT_SECONDS", 0.0)
     monkeypatch.delenv("TERM", raising=False)
     return terminal
 

@@ -27,16 +27,9 @@ from ss2sql.language.plan_traversal import can_move_world, has_array_calls, walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
-from ss2sql.results.notes import (
-    TimeComparison,
-    explain_empty_result,
-    explain_overestimates,
-    explain_times,
-    find_notes,
-    find_time_comparisons,
-    has_dropped_steps,
-)
+from ss2sql.results.notes import explain_empty_result, explain_overestimates, find_notes, has_dropped_steps
 from ss2sql.results.result import OutlinedQuery, QueryResult, Status
+from ss2sql.results.time_notes import TimeComparison, explain_times, find_time_comparisons
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
 from ss2sql.runtime.run.post_processing import finish_sql_rows
 from ss2sql.runtime.run.run_state import (

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import (
     Cancelled,
@@ -39,7 +39,6 @@ from ss2sql.language.kinds import ANY, NOTHING, Type, is_supertype
 from ss2sql.language.plan_traversal import list_plan_calls, walk, write_test_for_none
 from ss2sql.language.values import NONE_HINT, copy_for_python
 from ss2sql.lowering.sql_query import Sql
-from ss2sql.results import count_words
 from ss2sql.results.notes import note_unread_arguments, suggest_timeout_cure
 from ss2sql.results.result import OutlinedStatement, QueryResult, Result, Status, join_outlined_sql
 from ss2sql.runtime.parallel import IN_WORKER
@@ -69,8 +68,8 @@ if TYPE_CHECKING:
     from ss2sql.results.explain.explanation import Explanation
     from ss2sql.results.watching.search_trace import SearchTrace
     from ss2sql.runtime.parallel.block_calls import CallPrefetcher
-    from ss2sql.runtime.sqlite.search_functions import SearchState
     from ss2sql.session.host import SessionHost
+    from ss2sql.session.progress_line import Progress
 
 
 ASSIGNMENTS = (plan.Assign, plan.TemporalAssign, plan.AssignLate)
@@ -528,10 +527,6 @@ def _build_session_partial(run: Run | None, status: Status) -> Result | None:
 
 
 # --- one line on the terminal that says how far a long run is
-FIRST_SECONDS = 1.0  # seconds before the line appears
-REPEAT_SECONDS = 0.1  # seconds until it is written anew
-
-
 def check_progress_option(wanted: str | bool) -> None:
     """Raises SessionError S002 for anything but "auto", True and False."""
     if wanted is not True and wanted is not False and wanted != "auto":
@@ -547,56 +542,6 @@ def make_progress(run: Run, wanted: str | bool) -> Progress | None:
         return None
     from shutil import get_terminal_size  # takes 2 ms
 
+    from ss2sql.session.progress_line import Progress  # for those who see it
+
     return Progress(run, stream, time.monotonic, lambda: get_terminal_size().columns)
-
-
-class Progress:
-    """The line of one run. `show_line` is called again and again while it works, `remove_line` when it is over.
-
-    `search` is the state of the search that SQLite runs.
-    """
-
-    def __init__(self, run: Run, stream: TextIO, clock: Callable[[], float], width: Callable[[], int]) -> None:
-        self._run = run
-        self._stream = stream
-        self._clock = clock
-        self._width = width
-        self._started = clock()
-        self._due = self._started + FIRST_SECONDS
-        self._shown = 0  # characters of the line as it stands there
-        self.search: SearchState | None = None
-
-    def show_line(self) -> None:
-        """Writes the line if it is time to."""
-        now = self._clock()
-        if now >= self._due:
-            self._due = now + REPEAT_SECONDS
-            self._write_line(self.describe_progress(now - self._started))
-
-    def remove_line(self) -> None:
-        if self._shown:
-            self._write_line("")
-
-    def _write_line(self, text: str) -> None:
-        text = text[: max(self._width() - 1, 1)]
-        blanks = " " * max(self._shown - len(text), 0)
-        self._shown = len(text)
-        self._stream.write(f"\r{text}{blanks}" if text else f"\r{blanks}\r")
-        self._stream.flush()
-
-    def describe_progress(self, seconds: float) -> str:
-        """What the run has done in so many seconds."""
-        stats, graph = self._run.stats, self._run.graph
-        found = None if self._run.sink is None else self._run.sink.rows
-        results = None if found is None else len((found.rows if found.paths is None else found.paths) or ())
-        parts = [f"{seconds:.0f} s"]
-        if graph is not None:
-            parts.append(f"{count_words(len(stats.levels), 'level')} of MEMORIZE")
-            parts.append(count_words(len(graph.rows) - 1, "row"))
-        steps = stats.generated or (0 if self.search is None else self.search.entered)
-        if steps:
-            parts.append(f"{count_words(steps, 'step')}, {steps / seconds:,.0f}/s")
-        if results is not None:
-            rate = f", {results / seconds:,.0f}/s" if results and not steps else ""
-            parts.append(count_words(results, "result") + rate)
-        return " | ".join(parts)
