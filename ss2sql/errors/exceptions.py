@@ -399,7 +399,7 @@ def suggest_similar(name: str, known: Iterable[str]) -> list[str]:
     lowered = {one.lower(): one for one in sorted(set(known), reverse=True)}
     if name.lower() in lowered:
         return [lowered[name.lower()]]
-    close = get_close_matches(name.lower(), list(lowered), n=3, cutoff=0.65)  # time is not isMesh, 0.6
+    close = get_close_matches(name.lower(), list(lowered), n=3, cutoff=0.6)
     # get_close_matches misses a name that merely lost its tail (mov for moves): offer prefixes as well.
     close += [one for one in sorted(lowered) if one not in close and len(name) > 1 and one.startswith(name.lower())]
     return [lowered[one] for one in close[:3]]

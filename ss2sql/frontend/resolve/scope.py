@@ -594,7 +594,6 @@ def _suggest_rows(tree: ast.Call, scope: Scope | None, skips_none: bool, grouped
         return "SELECT ..."
     conditions += [f"{key.span.text} == {rows}.{key.span.text}" for key in keys]
     conditions += [f"{tree.arguments[0].span.text} != None"] * skips_none
-    source = f"x = {rows}" if keys else rows
     behind = f" WHERE {' AND '.join(conditions)}" if conditions else ""
-    text = " ".join(f"SELECT {tree.arguments[0].span.text} FROM {source}{behind}".split())
+    text = " ".join(f"SELECT {tree.arguments[0].span.text} FROM {'x = ' * bool(keys)}{rows}{behind}".split())
     return text if len(text) <= 100 else "SELECT ..."
