@@ -241,7 +241,7 @@ def test_engines_give_the_value_of_constants(name: str, part: int) -> None:
             for columns in parts_of(["small", "halves", "strings", "numbers", "lists", "words"], count, part):
                 good, _ = good_rows(name, [COLUMNS[one][:6] for one in columns] + [LATER] * (count - 2))
                 for row in good[:: 1 + len(good) // 12]:
-                    texts = [f"({value!r})" for value in row]
+                    texts = [repr(value) if type(value) is str else f"({value!r})" for value in row]
                     if not all(type(value) is not str or value.isprintable() for value in row):
                         continue
                     compare(session, f"[{written(name, texts)}];", name, [row])
