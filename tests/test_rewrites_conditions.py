@@ -145,7 +145,7 @@ PEOPLE = [{"id": 1, "age": 30, "name": "Ada"}, {"id": 2, "age": None, "name": No
     ("clauses", "sql", "expected"),
     [
         ("p.id WHERE age != None AND age + 1 > 31", "p.age + 1 > 31", [3]),
-        ("p.id WHERE NOT (age == None OR age > 40)", "AND p.age <= 40", [1]),
+        ("p.id WHERE NOT (age == None OR age > 40)", "AND NOT (p.age > 40)", [1]),
         ("p.id WHERE age == None OR age > 40", "OR p.age > 40", [2, 3]),
         ("p.id WHERE age == 30 AND age < 40", "AND p.age < 40", [1]),
         ("age - 1 WHERE age != None", "SELECT\n  p.age - 1", [29, 49]),

@@ -11,6 +11,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, is_flag
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering, can_sort_in_sql
+from ss2sql.lowering.none_tests import narrow_after_none_tests
 from ss2sql.lowering.sql_builder import SQLITE
 from ss2sql.lowering.sql_query import Bookkeeping, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
@@ -39,6 +40,8 @@ def lower(
     """
     check_supported(query)
     needs = StatementNeeds(function_names, by_value=by_value, disabled=disabled)
+    if "none" not in disabled and (narrowed := narrow_after_none_tests(query)) is not query:
+        query, needs.applied["none"] = narrowed, None
     if "positions" not in disabled:
         query, needs.written = replace_elements_by_columns(query)
         if needs.written is not None:

@@ -23,6 +23,16 @@ LINKS = (
     *("x.a == y.a", "y.s == x.s", "x.b == y.b", "x.w == y.w", "x.a + 1 == y.a", "x.a == y.w", "len(x.s) == y.a"),
     *("x.a == y.a OR x.s == y.s", "x.a < y.a", "x.a == y.b AND x.s != y.s"),
     *("x.w <= y.w", "y.w BETWEEN x.w - 1 AND x.a", "y.a > x.w AND x.a + 2 >= y.a", "x.s < y.s", "y.b > x.a"),
+    *(
+        "y.b != None AND y.b + 1 > x.a",
+        "x.b != None AND y.b != None AND x.b + 1 == y.b",
+        "y.b == None OR y.b * 2 > x.a",
+    ),
+    *(
+        "y.b != None AND x.a IN [y.b + 1, y.b - 1]",
+        "NOT (x.b == None OR y.a - x.b > 1)",
+        "x.b == y.a AND x.b - 1 < y.w",
+    ),
     *("abs(x.w - y.w) < 1", "abs(y.a - x.w) <= x.w", "0.5 > abs(x.w - y.a)"),
 )
 PARTS = (
@@ -31,7 +41,17 @@ PARTS = (
     "[] == (SELECT q.a FROM q = u WHERE q.a == x.a AND q.b == y.b AS list)",
 )
 THIRD = {"z = ": ("z.a == y.a", "x.s == z.s", "z.b == None", "even(z.a)"), "n = ": ("n.this == x.a", "y.a >= n.this")}
-SHOWN = ("x.a", "y.b", "x.s", "pair(y.a)", "x.w + y.w", "picky(x.a)", "100 / y.a", "y.s")
+SHOWN = (
+    "x.a",
+    "y.b",
+    "x.s",
+    "pair(y.a)",
+    "x.w + y.w",
+    "picky(x.a)",
+    "100 / y.a",
+    "y.s",
+    "IF(y.b != None; y.b + x.a; 0)",
+)
 LAST = "(SELECT q.s, q.w FROM q = u WHERE q.w {} x.w {} ORDER BY q.{} {} LIMIT {} AS rows)"
 COMPARED = ("<=", "<", ">=", ">")
 KEYS = ("x.a", "pair(y.a)", "y.w")
@@ -47,7 +67,17 @@ def joins(draw: st.DrawFn) -> ProgramCase:
     where = " AND ".join(f"({part})" for part in draw(st.permutations(parts)))
     if draw(st.integers(0, 3)):
         last = st.builds(
-            LAST.format, *map(st.sampled_from, (COMPARED, ("", "AND q.a > 0"), "wwb", ("", "DESC"), (1, "2 OFFSET 1")))
+            LAST.format,
+            *map(
+                st.sampled_from,
+                (
+                    COMPARED,
+                    ("", "AND q.a > 0", "AND q.b != None AND q.b + 1 > x.a"),
+                    "wwb",
+                    ("", "DESC"),
+                    (1, "2 OFFSET 1"),
+                ),
+            ),
         )
         shown = st.one_of(st.sampled_from(SHOWN), last)
         columns = ", ".join(draw(st.lists(shown, min_size=1, max_size=3, unique=True)))

@@ -15,7 +15,6 @@ from ss2sql.language.plan_traversal import walk
 from ss2sql.lowering.rewrites.constant_folding import fold_constants
 from ss2sql.lowering.rewrites.distance_ranges import limit_distances
 from ss2sql.lowering.rewrites.inline_functions import inline_functions, read_keys_as_columns, read_lists_as_rows
-from ss2sql.lowering.rewrites.none_tests import is_plain_or_none, narrow_after_none_tests
 from ss2sql.lowering.rewrites.normalize_conditions import normalize_conditions
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.lowering.rewrites.unnest_subqueries import search_for_members, unnest_subqueries
@@ -66,12 +65,6 @@ REWRITES: dict[str, Rewrite] = {
         search_for_members,
         lambda node: isinstance(node, plan.Subquery),
     ),
-    "none": Rewrite(
-        "reads x as what cannot be None after x != None",
-        "what was found not to be None is computed by SQLite",
-        narrow_after_none_tests,
-        is_plain_or_none,
-    ),
     "split": Rewrite(
         "flattens AND and OR, moves NOT inwards, drops repeated parts, compares lists item by item",
         "conditions were taken apart, so that each is evaluated as early as possible",
@@ -92,6 +85,10 @@ REWRITES: dict[str, Rewrite] = {
             isinstance(node, plan.WorldSource)
             or (isinstance(node, plan.Call) and node.function.name in {"abs", "distance", "sub"})
         ),
+    ),
+    "none": Rewrite(
+        "has SQLite compute x + 1 by itself after x != None",
+        "what was found not to be None is computed by SQLite",
     ),
     "early": Rewrite(
         "evaluates conditions that can fail as soon as their sources are bound",

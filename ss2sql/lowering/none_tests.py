@@ -13,26 +13,28 @@ compute `NULL + 10` before the test, and gets NULL. So operators that it has no 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 from ss2sql.frontend.resolve.query_clauses import infer_value_type
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, Kind
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.operation import remove_none_kind
-from ss2sql.language.plan_traversal import split_condition
-from ss2sql.lowering.rewrites.rewrite_context import COMPARISONS, RewriteContext, rewrite_parts
+from ss2sql.language.plan_traversal import split_condition, walk
+from ss2sql.lowering.rewrites.rewrite_context import rewrite_parts
 
 Reads = frozenset[plan.Expr]  # columns, elements and variables of a search, each of type ANY
 _READS = (plan.Column, plan.Element, plan.State)
 _PLAIN = Kind.NUMBER | Kind.STR
 
 
-def narrow_after_none_tests(query: plan.Query, world: RewriteContext) -> plan.Query:
-    return query if not COMPARISONS.isdisjoint(world.replaced) else cast(plan.Query, _narrow_node(query, frozenset()))
+def narrow_after_none_tests(query: plan.Query) -> plan.Query:
+    """The query for SQLite. Python, which fails for `None + 10`, looks rows up by what has not been tested yet."""
+    narrowed: plan.Query = _narrow_node(query, frozenset()) if any(map(_is_plain_or_none, walk(query))) else query
+    return narrowed
 
 
-def is_plain_or_none(node: Any) -> bool:
+def _is_plain_or_none(node: Any) -> bool:
     """Whether a node reads what may be None, and else is a number, a bool or a text."""
     return isinstance(node, _READS) and node.type.may_be(Kind.NONE) and node.type.is_only(_PLAIN | Kind.NONE)
 
@@ -59,8 +61,9 @@ def _narrow_node(node: Any, known: Reads) -> Any:
             return new if columns == new.columns else replace(new, columns=columns)
         case plan.Subquery(query=query, type=kind):
             new = _narrow_node(query, known)
-            same = kind != infer_value_type(query)
-            return node if new is query else replace(node, query=new, type=kind if same else infer_value_type(new))
+            if new is query:
+                return node
+            return replace(node, query=new, type=infer_value_type(new) if kind == infer_value_type(query) else kind)
         case plan.Call(function=plan.Function(builtin=True)):
             arguments = tuple(_narrow_read(_narrow_node(part, known), known) for part in node.arguments)
             return node if arguments == node.arguments else _retype_call(node, arguments)
@@ -69,7 +72,7 @@ def _narrow_node(node: Any, known: Reads) -> Any:
 
 
 def _narrow_read(node: plan.Expr, known: Reads) -> plan.Expr:
-    if is_plain_or_none(node) and replace(node, type=ANY) in known:
+    if _is_plain_or_none(node) and replace(node, type=ANY) in known:
         return replace(node, type=remove_none_kind(node.type))
     return node
 
@@ -91,6 +94,6 @@ def _find_not_none(condition: plan.Expr | None, truth: bool) -> Reads:
                 equal = holds is (name == "eq")
                 for read, other in ((left, right), (right, left)):
                     tells = not other.type.may_be(Kind.NONE) if equal else other.type.is_only(Kind.NONE)
-                    if tells and is_plain_or_none(read):
+                    if tells and _is_plain_or_none(read):
                         found.add(replace(read, type=ANY))
     return frozenset(found)
