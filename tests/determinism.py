@@ -208,14 +208,15 @@ def drawn(result: ss2sql.Result) -> str:
 
 
 def contents(path: Path | None) -> list[str]:
-    """The tables of a file in the order of their names and their rows, as they lie there."""
+    """The tables of a file in the order of their names, with their rows in order: graphs are written now and then."""
     if path is None:
         return []
     found = []
     connection = apsw.Connection(str(path))
     for name, sql in connection.execute("SELECT name, sql FROM sqlite_schema WHERE type = 'table' ORDER BY name"):
         columns = [row[1] for row in connection.execute(f'PRAGMA table_info("{name}")') if row[1] not in TIMES]
-        found += [sql, *map(repr, connection.execute(f"""SELECT {'"' + '","'.join(columns) + '"'} FROM "{name}" """))]
+        shown = ", ".join(f'typeof("{column}"), CAST("{column}" AS BLOB)' for column in columns)  # some are not UTF-8
+        found += [sql, *sorted(map(repr, connection.execute(f'SELECT {shown} FROM "{name}"')))]
     connection.close()
     return found
 
