@@ -192,12 +192,12 @@ class MaterializedTables:
         """A copy of a table or view in its order, under the label of its item, with computed columns."""
         order = [(sql_builder.column(key), False) for key in source.order]
         number: Node = sql_builder.column("rowid")
-        if source.order != ("rowid",):
+        if is_row_number(source.order) and source.order != ("rowid",):
+            # SQLite would call it rowid, as a column of the table is called.
+            number = sql_builder.alias(sql_builder.column(source.order[0]), source.order[0])
+        elif not is_row_number(source.order):
             position = choose_free_name("position", {column.lower() for column, _ in source.columns})
-            number = sql_builder.row_number(order)
-            if is_row_number(source.order):  # SQLite would call it rowid, as a column is called here
-                number, position = order[0][0], source.order[0]
-            number = sql_builder.alias(number, position)
+            number = sql_builder.alias(sql_builder.row_number(order), position)
         columns = [number, *(sql_builder.column(column) for column, _ in source.columns)]
         label = item.alias_or_name
         return self.copy_item(item, label, [*columns, *computed], f"{label}_in_order", order)
