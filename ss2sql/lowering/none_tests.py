@@ -21,7 +21,7 @@ from ss2sql.language.kinds import ANY, Kind
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.operation import remove_none_kind
 from ss2sql.language.plan_traversal import split_condition, walk
-from ss2sql.lowering.rewrites.rewrite_context import rewrite_parts
+from ss2sql.lowering.rewrites.rewrite_context import retype_call, rewrite_parts
 
 Reads = frozenset[plan.Expr]  # columns, elements and variables of a search, each of type ANY
 _READS = (plan.Column, plan.Element, plan.State)
@@ -66,7 +66,7 @@ def _narrow_node(node: Any, known: Reads) -> Any:
             return replace(node, query=new, type=infer_value_type(new) if kind == infer_value_type(query) else kind)
         case plan.Call(function=plan.Function(builtin=True)):
             arguments = tuple(_narrow_read(_narrow_node(part, known), known) for part in node.arguments)
-            return node if arguments == node.arguments else _retype_call(node, arguments)
+            return node if arguments == node.arguments else _retype_for_sql(replace(node, arguments=arguments))
         case _:
             return rewrite_parts(node, lambda part: _narrow_node(part, known))
 
@@ -77,12 +77,12 @@ def _narrow_read(node: plan.Expr, known: Reads) -> plan.Expr:
     return node
 
 
-def _retype_call(call: plan.Call, arguments: tuple[plan.Expr, ...]) -> plan.Call:
-    """The call with these arguments. It cannot fail any more where SQL computes it, which makes NULL of NULL."""
-    row, types = OPERATIONS[call.function.name], tuple(argument.type for argument in arguments)
-    in_sql = any(not (form.only or form.spread) and form.when(types) for form in row.sqlite)
-    raises = call.function.raises and (not in_sql or row.can_fail(types))
-    return replace(call, arguments=arguments, type=row.result(types), function=replace(call.function, raises=raises))
+def _retype_for_sql(call: plan.Call) -> plan.Call:
+    """The call with its present type. Only where SQL computes it, which makes NULL of NULL, it fails no more."""
+    types = tuple(argument.type for argument in call.arguments)
+    forms = OPERATIONS[call.function.name].sqlite
+    in_sql = any(not (form.only or form.spread) and form.when(types) for form in forms)
+    return retype_call(call, keeps_failing=not in_sql)
 
 
 def _find_not_none(condition: plan.Expr | None, truth: bool) -> Reads:

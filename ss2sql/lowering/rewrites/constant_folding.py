@@ -29,6 +29,7 @@ from ss2sql.lowering.rewrites.rewrite_context import (
     RewriteContext,
     is_foldable_value,
     make_constant,
+    retype_call,
     rewrite_bottom_up,
     rewrite_to_bool,
 )
@@ -76,12 +77,8 @@ def _fold_call(call: plan.Call) -> plan.Expr:
                 return _make_small_constant(row.value(*values), call)
             except Error:
                 return call
-    types = tuple(argument.type for argument in call.arguments)
-    # What cannot fail where it stands, after a condition perhaps, never can.
-    kind, raises = row.result(types), call.function.raises and row.can_fail(types)
-    if raises == call.function.raises and is_supertype(kind, call.type):
-        return call
-    return replace(call, type=kind, function=replace(call.function, raises=raises))
+    known = retype_call(call)
+    return call if known.function == call.function and is_supertype(known.type, call.type) else known
 
 
 def _is_short_range(bounds: list[Any]) -> bool:

@@ -86,6 +86,16 @@ def make_call(name: str, *arguments: plan.Expr, span: Span) -> plan.Call:
     return plan.Call(row.make_function(types), arguments, row.result(types), span=span, place=span)
 
 
+def retype_call(call: plan.Call, keeps_failing: bool = False) -> plan.Call:
+    """The call of a built-in function with the type that it has for its present arguments.
+
+    What cannot fail for them never can, unless it `keeps_failing`.
+    """
+    row, types = OPERATIONS[call.function.name], tuple(argument.type for argument in call.arguments)
+    raises = call.function.raises and (keeps_failing or row.can_fail(types))
+    return replace(call, type=row.result(types), function=replace(call.function, raises=raises))
+
+
 def negate_expression(expr: plan.Expr) -> plan.Expr:
     """An expression that is true where the other is false; whatever fails in the one fails in the other.
 

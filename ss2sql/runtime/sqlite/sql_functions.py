@@ -559,20 +559,20 @@ def _make_membership_callback(
 
 
 class MemberCache(dict[Any, frozenset[Any]]):
-    """The keys of the elements of lists, by the lists' handles. KeyError for what is no list or is asked for first.
+    """The keys of the elements of lists, by the lists' handles. KeyError for what is no list or is tested first.
 
-    To look through a list takes less than to make its keys, and one that grows in the state of a search is asked once.
+    To look through a list takes less than to make its keys, and one that grows in the state of a search is tested once.
     """
 
     def __init__(self, interning: Interning) -> None:
         self.interning = interning
-        self.asked: set[bytes] = set()
+        self.tested: set[bytes] = set()
 
     def __missing__(self, handle: Any) -> frozenset[Any]:
         if type(handle) is not bytes:
             raise KeyError
-        if handle not in self.asked:
-            self.asked.add(handle)
+        if handle not in self.tested:
+            self.tested.add(handle)
             raise KeyError
         value = self.interning.decode(handle)
         if type(value) is not list:
